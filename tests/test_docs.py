@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import autodrive.devkit
+from autodrive.experiments.policies import Policy
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.camera_imperfections import PRESETS
 from autodrive.scenario import load_scenario
@@ -112,6 +113,12 @@ def test_the_weather_of_the_document_is_that_of_the_world() -> None:
     names = run("weather.md")
     assert names["frame"].weather.rain == 0.6
     assert names["frame"].time_of_day == 66600.0
+
+
+def test_the_policy_of_learning_to_race_is_faster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    policy = run("learning_to_race.md")["policy"]
+    assert Policy.load(tmp_path / "faster.npz").throttle[1] == pytest.approx(policy.throttle[1] / 0.9)
 
 
 def test_the_drawings_of_the_document_are_drawn() -> None:

@@ -30,6 +30,7 @@ RUN_BY = {
         "python": "tests/world/racing/test_race_document.py",
         "yaml": "tests/world/racing/test_race_document.py",
     },
+    "learning_to_race.md": {"python": "tests/test_docs.py"},
     "learning.md": {"python": "tests/experiments/envs/test_document.py"},
     "protocol.md": {"json": "tests/protocol/test_native.py"},
     "python.md": {"python": "tests/connect/devkit/test_python_docs.py"},

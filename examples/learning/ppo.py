@@ -57,6 +57,7 @@ ALONE = "race", "robust"  # problems whose policy drives laps on the shipped tra
 LAPS = 10  # of a try, on each track
 GAP, PAST = "gap", "past"  # rivals: the example of a race, and the policy of some updates ago; others are policies
 FOLLOW_THE_GAP = Path(__file__).parents[1] / "racing" / "follow_the_gap.py"
+CALM = -1.7  # logarithm of the standard deviation then
 RENEWAL = 50  # updates after which the policy of then becomes the rival of the past
 ONLY_VALUES = 12  # updates that learn the values only, if a policy was the beginning
 SCALES = {"speed": 0.2, "wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}
@@ -86,6 +87,7 @@ class Problem:
     ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
     rate: float = 5e-4  # of the learning at the start
     decay: int = 6000  # updates until the rate is a tenth
+    calm: int = 0  # steps after which the actions deviate less from their mean; 0: never
     rivals: Mapping[str, int] = field(default_factory=dict[str, int])  # of the first car, and in how many worlds
 
 
@@ -109,10 +111,11 @@ RACE = Problem(
 )
 HARDER = {
     "tracks": 64,
-    "track_seed": 100,
-    "track_width": (0.9, 1.7),
-    "track_length": (40.0, 68.0),
-    "track_radius": (0.75, 2.6),
+    "track_seed": 200,
+    "track_width": (0.9, 1.5),
+    "track_length": (60.0, 112.0),
+    "track_radius": (0.8, 1.4),
+    "track_area": (30.0, 10.0),
     "noise": (0.0, 2.0),
     "friction": (0.7, 1.25),
     "mass": (0.75, 1.25),
@@ -120,7 +123,7 @@ HARDER = {
 }
 PROBLEMS = {
     "race": RACE,
-    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=8000),
+    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=24000),
     "duel": replace(
         RACE,
         settings={
@@ -135,15 +138,22 @@ PROBLEMS = {
             "mass": (0.9, 1.1),
             "latency": (0.0, 0.02),
             "cars": 2,
-            "rivalry": 1.0,
+            "rivalry": 0.3,
         },
-        crash=10.0,
+        crash=25.0,
         rate=2e-4,
         decay=12000,
-        rivals={"gap": 6, "race": 8, "past": 8},
+        rivals={"gap": 20, "race": 6},
     ),
     "crossing": Problem(
-        "autodrive:NigelCrossing-v0", "state", None, (0.0, 1.0), discount=0.997, reward=1.0, ends_alone=True
+        "autodrive:NigelCrossing-v0",
+        "state",
+        None,
+        (0.0, 1.0),
+        discount=0.997,  # 17 s: to wait costs little
+        reward=1.0,
+        ends_alone=True,
+        calm=1_300_000,
     ),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
@@ -377,6 +387,8 @@ class Trainer:
         """One rollout, and what is learnt from it."""
         rollout, last_value = self.rollout()
         self.key, key = jax.random.split(self.key)
+        if self.steps - ENVS * HORIZON < self.problem.calm <= self.steps:
+            self.agent = eqx.tree_at(lambda agent: agent.log_std, self.agent, jnp.full(2, CALM, jnp.float32))
         share = jnp.asarray(float(self.only_values <= 0))
         self.only_values -= 1
         self.agent, self.memory = learn(
@@ -419,6 +431,11 @@ class Trainer:
         (weight, bias), *rest = policy.layers
         wide = np.zeros((len(weight), len(self.inputs)), np.float32)
         wide[:, places] = weight * np.array(policy.scale) / self.scale[places]
+        (low, high), (least, most) = policy.throttle, self.problem.throttle
+        last, offset = rest[-1][0].copy(), rest[-1][1].copy()
+        last[0] *= (high - low) / (most - least)  # the same throttle, of another range
+        offset[0] = (offset[0] * (high - low) + (high + low) - (most + least)) / (most - least)
+        rest[-1] = last, offset
         given = [one for layer in ((wide, bias), *rest) for one in layer] + [np.full(2, -1.5, np.float32)]
         self.agent = eqx.tree_at(_of_actor, self.agent, [jnp.asarray(one) for one in given])
         self.only_values = ONLY_VALUES

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.policies import Policy
     from autodrive.run.team import Team
 
-TEAMS = {"crossing": "crossing", "duel": "race"}
+TEAMS = {"crossing": "crossing", "duel": "head_to_head"}
 """Tasks of several cars, and the included policy of each."""
 
 
@@ -50,7 +50,12 @@ def play(
         typer.Option(min=1, max=10000, help="Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]"),
     ] = None,
     rival: Annotated[
-        str | None, typer.Option(metavar="POLICY", help="Drives the second car of 'duel'.  [default: race]")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
+            "examples/racing/follow_the_gap.py.  [default: the same policy]",
+        ),
     ] = None,
 ) -> None:
     """Drive with a trained policy.
@@ -150,14 +155,18 @@ def _team_of(task: str, policy: str | None, rival: str | None, *, laps: int, has
     """All cars of a task, and the policy that drives them; None: the included one."""
     from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
-    from autodrive.run.team import duel_team, foreign_team, learnt_team
+    from autodrive.run.team import duel_team, foreign_team, learnt_team, program
 
     if policy is not None and Path(policy).suffix == ".onnx":
         return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
     chosen = Policy.find(policy or TEAMS[task])
     if task == "crossing":
         return learnt_team(chosen)
-    return duel_team(chosen, Policy.find(rival or "race"), laps=laps, has_noise=has_noise)
+    if rival is None:
+        other = chosen
+    else:
+        other = program(Path(rival)) if Path(rival).suffix == ".py" else Policy.find(rival)
+    return duel_team(chosen, other, laps=laps, has_noise=has_noise)
 
 
 def _drive_team(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import runpy
 from collections.abc import Callable
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -104,6 +106,19 @@ def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_n
         return act
 
     return Team(_duel("own", has_noise, tracks=TRACKS, track_seed=TRACK_SEED, laps=laps), start)
+
+
+def program(file: Path) -> Act:
+    """The function `command` of a Python file, as in examples/racing/follow_the_gap.py, which drives by the LIDAR.
+
+    It gets ranges [m] and angles [rad] of a scan, from right to left, and returns throttle and steering. Raises
+    `SpecError` if there is no such function.
+    """
+    found = runpy.run_path(str(file)).get("command") if file.is_file() else None
+    if not callable(found):
+        raise SpecError([f"{file}: there is no such file with a function command(ranges, angles)"])
+    angles = np.radians(np.linspace(-135.0, 135.0, 1080))
+    return lambda _, cars: np.array([found(ranges, angles) for ranges in cars.lidar_ranges])
 
 
 def drive(team: Team, episodes: int, seed: int = 0) -> Results:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import runpy
 import types
 from pathlib import Path
@@ -70,6 +71,67 @@ def test_the_return_of_lane_keeping_rises_and_ctrl_c_keeps_what_was_learnt(
     assert learner.steps == steps[-1] == 6 * 64 * 128
     assert Policy.load(tmp_path / "policy.npz").task == "lane_keeping"
     assert (tmp_path / "curve.svg").is_file()
+
+
+@pytest.mark.slow
+def test_only_live_cars_of_the_crossing_are_learnt_from_and_actions_get_calm() -> None:
+    import jax.numpy as jnp  # as above
+
+    example: Any = runpy.run_path(EXAMPLE)["main"].__globals__
+    problem = dataclasses.replace(example["PROBLEMS"]["crossing"], calm=64 * 128)
+    example["PROBLEMS"]["crossing"] = problem
+    trainer = example["Trainer"]("crossing", 1)
+    rollout, _ = trainer.rollout()
+    live, ended = np.array(rollout.is_live, bool), np.array(rollout.has_ended, bool)
+    assert 0.2 < live.mean() < 1.0
+    assert not ended[~live].any()
+    assert ended.sum() == len(trainer.returns) > 30
+    # a car that has ended waits with a reward of 0 until its world begins again: one end for each life
+    begins = live[1:] & (~live[:-1] | ended[:-1])
+    assert abs(int(begins.sum()) - int(ended.sum())) <= 64
+    assert not np.array(rollout.reward)[~live].any()
+
+    def change(values: Any) -> Any:  # of cars that have ended
+        mask = live.reshape(live.shape + (1,) * (np.ndim(values) - 2))
+        return jnp.asarray(np.where(mask, values, 9.0), jnp.float32)
+
+    def loss(these: Any) -> float:
+        rows = [jnp.asarray(one).reshape(-1, *np.shape(one)[2:]) for one in these]
+        advantage = jnp.where(rows[-1] > 0, rows[4], 7.0 if these is changed else 3.0)
+        return float(example["loss"](trainer.agent, (type(rollout)(*rows), advantage, advantage), jnp.asarray(1.0)))
+
+    kept = rollout._replace(is_live=live.astype(np.float32))
+    changed = type(rollout)(*(change(one) for one in kept[:-1]), kept.is_live)
+    assert loss(changed) == pytest.approx(loss(kept), rel=1e-5)
+    trainer.steps = 0
+    trainer.improve()
+    assert np.exp(np.array(trainer.agent.log_std)) == pytest.approx(np.exp(example["CALM"]), rel=0.1)
+
+
+@pytest.mark.slow
+def test_rivals_drive_and_a_policy_is_the_beginning() -> None:
+    example: Any = runpy.run_path(EXAMPLE)
+    example["PROBLEMS"]["duel"].settings.update(tracks=2, latency=0.0)
+    trainer = example["Trainer"]("duel", 1)
+    trainer.begin_with("race")
+    race, ours = Policy.find("race"), trainer.policy()
+    given = dict(zip(ours.inputs, np.random.default_rng(1).uniform(0.0, 3.0, len(ours.inputs)), strict=True))
+
+    def command(policy: Policy) -> tuple[float, float]:
+        drive, steer = policy.outputs(np.array([given[name] for name in policy.inputs]))
+        low, high = policy.throttle
+        return low + (high - low) * 0.5 * (drive + 1.0), steer
+
+    assert command(ours) == pytest.approx(command(race), abs=1e-5)
+    before = trainer.policy()
+    trainer.improve()  # the values only
+    assert all(np.array_equal(*pair) for pair in zip(before.layers[0], trainer.policy().layers[0], strict=True))
+    commands = np.full((64, 2), np.nan)
+    trainer.rivals.drive(commands)
+    is_rival = ~trainer.rivals.is_learner
+    assert np.isfinite(commands[is_rival]).all()
+    assert np.isnan(commands[~is_rival]).all()
+    assert is_rival.sum() == sum(trainer.problem.rivals.values())
 
 
 @pytest.mark.parametrize(("minutes", "laps"), [("0.1", [1]), ("1.4", [1]), ("1.5", [1, 2]), ("30", [1, 2, 3])])

@@ -57,6 +57,25 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
     assert Driver(policy, INPUTS).act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
 
 
+@given(st.floats(0.5, 2.0))
+@settings(deadline=None, max_examples=20)
+def test_a_slower_policy_does_at_lower_speeds_what_the_policy_does(factor: float) -> None:
+    inputs = (*INPUTS, "wheel_speed@2", "yaw_rate@1", "range_2.5@3", "steer@1", "drive@1")
+    policy = random_policy(inputs=inputs)
+    driver, slower = Driver(policy, INPUTS), Driver(policy.slower(factor), INPUTS)
+    is_speed = np.isin(INPUTS, ("wheel_speed", "yaw_rate"))
+    for readings in np.random.default_rng(5).uniform(0.0, 3.0, (6, len(INPUTS))):
+        throttle, steering = driver.act(readings)
+        slow = slower.act(np.where(is_speed, readings / factor, readings))
+        assert slow == pytest.approx((throttle / factor, steering), abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 11.0, float("nan")])
+def test_a_policy_is_not_slower_by_any_factor(factor: float) -> None:
+    with pytest.raises(AutodriveError, match=r"must be from 0\.1 to 10, not"):
+        random_policy().slower(factor)
+
+
 def test_large_numbers_saturate() -> None:
     policy = random_policy()
     for sign in (-1.0, 1.0):

@@ -16,6 +16,8 @@ import yaml
 
 import autodrive
 from autodrive.base.yaml_files import names
+from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.racer import drive_laps
 from autodrive.protocol.messages import Command, RaceStatus, VehicleFrame
 from autodrive.run.race import TICK, RaceOptions, race
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
@@ -93,3 +95,14 @@ def test_both_examples_start_side_by_side_as_devkit_scripts(tmp_path: Path) -> N
     assert [one.status for one in result.standings] == [RaceStatus.RETIRED.name.lower()] * 2
     assert [one.collisions for one in result.standings] == [0, 0]
     assert {one.reason for one in result.standings} == {"not finished after 4 s"}
+
+
+@pytest.mark.process
+def test_a_policy_races_as_a_devkit_script() -> None:
+    """It drives about the lap that the policy drives without a script; the noise of the LIDAR differs."""
+    script = f"{sys.executable} {EXAMPLES / 'learned.py'} {{port}}"
+    (standing,) = race(
+        RaceOptions("practice", scripts=(script,), rules="practice", laps=1, is_lockstep=True, has_page=False)
+    ).standings
+    assert (standing.status, standing.collisions, len(standing.laps)) == ("finished", 0, 1)
+    assert standing.laps[0].time == pytest.approx(drive_laps(Policy.find("race"), "practice", 1).laps[0].time, rel=0.05)

@@ -14,7 +14,7 @@ import json
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,8 @@ MOST_BYTES = 2**26
 
 OUTPUTS = "drive", "steer"
 """Names of a policy's own outputs, which it may read as they were one step ago or more."""
+SPEEDS = "speed", "side_speed", "wheel_speed", "yaw_rate"
+"""Features that are speeds."""
 LONGEST = 100
 """Steps ago of the oldest moment that a policy may read."""
 
@@ -91,6 +93,21 @@ class Policy:
             values = _layer(weight, bias, values, is_inner=True)
         outputs = np.clip(_layer(*self.layers[-1], values, is_inner=False), -1.0, 1.0)
         return outputs.reshape(*np.shape(inputs)[:-1], 2)
+
+    def slower(self, factor: float) -> Policy:
+        """The same driver with all speeds divided by `factor`.
+
+        Where this one drives a path with the speed v, that one drives it with v / factor, so it needs 1 / factor**2 of
+        the grip: what this one reads as speeds is multiplied by the factor, and its throttle divided. Raises
+        `AutodriveError` if the factor is not from 0.1 to 10.
+        """
+        if not 0.1 <= factor <= 10.0:
+            raise AutodriveError(f"the factor by which a policy is slower must be from 0.1 to 10, not {factor:g}")
+        speeds = [factor if name in SPEEDS else 1.0 for name, _ in moments(self.inputs)]
+        scale = tuple(one * speed for one, speed in zip(self.scale, speeds, strict=True))
+        low, high = self.throttle
+        training = {**self.training, "slower": factor * self.training.get("slower", 1.0)}
+        return replace(self, scale=scale, throttle=(low / factor, high / factor), training=training)
 
     def save(self, file: Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
