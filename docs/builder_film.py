@@ -1,6 +1,6 @@
 """Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
 
-`uv run docs/builder_film.py town` makes the first part only.
+`uv run docs/builder_film.py track` makes one part only.
 The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
 """
 
