@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import pytest
 
 import autodrive
 from autodrive.base.yaml_files import read
-from autodrive.protocol.messages import EditMap, MapModule, MapWall
+from autodrive.protocol.messages import EditMap, MapModule, MapWall, Pause
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_access import wrong_targets
@@ -287,6 +289,67 @@ def test_a_finger_builds(plane: PageServer, new_tab: NewTab) -> None:
     assert len(problems(tab)) == 2
 
 
+def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new_tab: NewTab) -> None:
+    tab = opened(plane, new_tab, size=(1024, 768), touch=True)
+    plane.request(Pause())  # edits then do not wait for their share of the time
+    finger = partial(touch, tab.page.context.new_cdp_session(tab.page))
+
+    def tap(x: float, y: float) -> None:
+        finger("touchStart", on_screen(tab, x, y))
+        finger("touchEnd")
+
+    def move(*ways: tuple[list[float], list[float]]) -> None:
+        """Fingers move from one place on the screen to another."""
+        for number in range(len(ways)):  # one after the other
+            finger("touchStart", *(start for start, _ in ways[: number + 1]))
+        for share in (0.1, 0.4, 0.7, 1.0):
+            finger("touchMove", *([a + share * (b - a) for a, b in zip(*way, strict=True)] for way in ways))
+        finger("touchEnd")
+
+    tab.get("piece-straight_road").tap()
+    tap(0.0, 0.9)  # the piece goes there
+    tap(0.0, 0.9)  # and is set
+    wait_for_parts(tab, "straight_road_1")
+    tab.get("build-remove").tap()  # the next piece is put away
+    tap(0.3, 0.9)  # an open end offers pieces
+    tab.get("piece-curved_road").tap()
+    tab.get("build-set").tap()
+    tab.wait_until(lambda: len(parts(tab)) == 2)
+    curve = next(name for name in parts(tab) if name.startswith("curved_road"))
+    tab.wait_until(lambda: tab.get("build-set").is_enabled())
+    tab.get("build-remove").tap()
+    tab.wait_until(lambda: tab.get("build-set").is_disabled())
+    tap(0.0, 0.9)
+    tab.wait_for_text("build-selected", "straight_road_1")
+    move((on_screen(tab, 0.0, 0.9), on_screen(tab, 0.0, 0.3)))
+    tab.wait_until(lambda: parts(tab)["straight_road_1"]["y"] == pytest.approx(0.3, abs=0.1))
+    before = yaw_of(tab, "straight_road_1")
+    tab.get("build-turn").tap()
+    tab.wait_until(lambda: math.cos(yaw_of(tab, "straight_road_1") - before) == pytest.approx(0.0, abs=1e-6))
+    tab.get("build-remove").tap()
+    wait_for_parts(tab, curve)
+    tab.get("build-undo").tap()
+    wait_for_parts(tab, "straight_road_1", curve)
+
+    def pixels() -> float:
+        """Width of a metre on the screen."""
+        return on_screen(tab, 0.5, 0.3)[0] - on_screen(tab, -0.5, 0.3)[0]
+
+    for on_piece in (False, True):
+        before, places = pixels(), dict(parts(tab))
+        if on_piece:
+            tap(0.0, 0.3)
+            tab.wait_for_text("build-selected", "straight_road_1")
+        x, y = on_screen(tab, 0.0, 0.3)
+        move(([x, y], [x - 40.0, y]), ([x + 60.0, y], [x + 120.0, y]))
+        tab.wait_until(lambda before=before: pixels() > 1.3 * before)
+        assert parts(tab) == places
+
+
+def yaw_of(tab: Tab, name: str) -> float:
+    return parts(tab)[name]["yaw"]
+
+
 @pytest.mark.parametrize(
     "size", [(390, 844), (844, 390), (820, 1180), (1024, 768)], ids=lambda size: "x".join(map(str, size))
 )
@@ -306,6 +369,9 @@ def test_all_controls_of_build_mode_are_reached_on_a_touch_screen(
         tab.get("build").wait_for()
     assert wrong_targets(tab, MIN_TARGET) == []
     assert not overlap(tab.get("build"), tab.get("build-bar"))
+    if size[0] > 719:  # one row
+        shown = box(tab.get("build-bar"))
+        assert shown["bottom"] - shown["top"] < 2 * MIN_TARGET
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

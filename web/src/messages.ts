@@ -945,6 +945,7 @@ export interface Scene {
   warm_up_laps: number
   timeline: Timeline | null
   map_scene: MapScene | null
+  ground: (string)[]
   track_scene: TrackScene | null
 }
 

@@ -143,7 +143,16 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
     },
   }
   return {
-    ...{ type: 'Scene', scenario, title: scenario, map: 'plane', tick: 0.016, model: 'scene/map.glb', objects: {} },
+    ...{
+      type: 'Scene',
+      scenario,
+      title: scenario,
+      map: 'plane',
+      tick: 0.016,
+      model: 'scene/map.glb',
+      objects: {},
+      ground: [],
+    },
     plan: { image: 'scene/plan.svg', bounds: [-2, -1, 2, 1] },
     vehicles: Object.fromEntries(vehicles.map((name) => [name, vehicle])),
     ...{ light_table: {}, object_sizes: {}, warm_up_laps: 0, timeline: null, map_scene: null, track_scene: null },

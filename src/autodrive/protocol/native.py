@@ -332,6 +332,9 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """The recording that is shown; None: this is a simulation."""
     map_scene: MapScene | None = None
     """The map as it can be edited; None if it is a race track."""
+    ground: list[str] = []
+    """Addresses of more .glb files of the map, if it is being built: parts of its ground, with the textures of `model`.
+    The parts that an edit did not change keep their addresses."""
     track_scene: TrackScene | None = None
     """The map as it can be edited if it is a race track."""
 

@@ -48,12 +48,13 @@ class SceneFiles:
     def of(world: World, scenario: str) -> SceneFiles:
         """The files of a world made from the scenario of that name. Missing .glb files are built first."""
         files = _Files()
+        model, ground = files.map(world.map, is_draft=world.specs.map.is_draft)
         scene = Scene(
             scenario=scenario,
             title=world.spec.title,
             map=world.spec.map_name,
             tick=world.tick_duration,
-            model=files.url("map", world.map, is_kept=not world.specs.map.is_draft),
+            model=model,
             plan=files.plan(world.map),
             vehicles={name: _vehicle(name, spec, world, files) for name, spec in world.vehicle_specs.items()},
             objects={name: files.add(*box_file(box.size)) for name, box in world.boxes.items()},
@@ -62,6 +63,7 @@ class SceneFiles:
             object_sizes={name: box.size for name, box in world.boxes.items()},
             warm_up_laps=world.race.rules.warm_up_laps if world.race else 0,
             map_scene=map_scene(world, files.add),
+            ground=ground,
             track_scene=track_scene(world),
         )
         return SceneFiles(scene, files.content)
@@ -71,9 +73,16 @@ class SceneFiles:
 class _Files:
     content: dict[str, bytes] = field(default_factory=dict)
 
-    def url(self, kind: store.Kind, of: Any, *, is_kept: bool = True) -> str:
-        """Address of the file, relative to the page; `is_kept`: in the cache."""
-        return self.add(*store.file(kind, of, is_kept=is_kept))
+    def url(self, kind: store.Kind, of: Any) -> str:
+        """Address of the file, relative to the page."""
+        return self.add(*store.file(kind, of))
+
+    def map(self, map_: Map, *, is_draft: bool) -> tuple[str, list[str]]:
+        """Address of the file of the map, and those of its ground, which is in several files while it is built."""
+        if not is_draft:
+            return self.url("map", map_), []
+        solids, ground = store.map_files(map_)
+        return self.add(*solids), [self.add(*part) for part in ground]
 
     def add(self, name: str, data: bytes) -> str:
         """Add a file; its address."""

@@ -9,8 +9,11 @@ import pytest
 import autodrive
 from autodrive.physics.actuators.lights import LAMPS
 from autodrive.protocol.codec import decode_server, encode
+from autodrive.protocol.messages import EditMap, MapModule, MapPart
 from autodrive.scenario.vehicles.spec import load_vehicle
+from autodrive.world.factory import new_world
 from autodrive.world.scene_files import FOLDER, SceneFiles
+from autodrive.world.simulation import Simulation
 
 
 def test_every_file_that_a_scene_names_is_there_once_and_is_an_asset() -> None:
@@ -53,3 +56,24 @@ def test_the_lamps_stand_where_the_spec_says_and_the_right_ones_mirror_the_left(
 def test_a_decoded_scene_equals_the_encoded_one() -> None:
     scene = SceneFiles.of(autodrive.make("two_cars"), "two_cars").scene
     assert encode(decode_server(encode(scene))) == encode(scene)
+
+
+def test_an_edit_of_a_map_changes_few_files_of_its_ground() -> None:
+    simulation = Simulation(autodrive.make("plane"), is_paused=True, load=new_world)
+
+    def scenery(**parts: MapPart | None) -> SceneFiles:
+        done = simulation.request(EditMap(parts))
+        simulation.execute_requests()
+        done.result(0)
+        return SceneFiles.of(simulation.world, "plane")
+
+    row = {f"m{i}": MapModule("straight_road", 3.0 * i, 0.0) for i in range(20)}
+    before = scenery(**row)
+    after = scenery(m10=MapModule("straight_road", 30.0, 0.5))
+    assert {*after.scene.ground} <= {f"{FOLDER}/{name}" for name in after.files}
+    assert after.scene.model == before.scene.model
+    # the two parts that have pieces of the module, and the one of the kerbs' shade
+    assert len({*after.scene.ground} - {*before.scene.ground}) <= 3
+    assert len(after.scene.ground) >= 10
+    again = scenery(m10=row["m10"])
+    assert again.files == before.files

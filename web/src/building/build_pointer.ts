@@ -32,6 +32,8 @@ const MARK = 9
 interface Press {
   pointer: number
   start: Point
+  /** The event that the camera did not get, because the part was pressed. */
+  kept: PointerEvent | null
   /** From the ground under the pointer to the origin of the selected part [m]; null: the part is not dragged. */
   offset: Point | null
   isMoving: boolean
@@ -65,13 +67,22 @@ export function buildPointer(
     return near && near.gap <= reach ? near.port : null
   }
 
+  /** With a second finger the camera moves: the first one neither drags nor sets. */
+  function leaveToCamera(): void {
+    const kept = press?.kept
+    if (press?.offset && press.isMoving) builder.cancel()
+    press = null
+    if (kept) canvas.dispatchEvent(new PointerEvent('pointerdown', kept))
+  }
+
   function begin(event: PointerEvent): void {
-    if (!store.isBuilding.value || press || event.button !== 0 || !event.isPrimary) return
+    if (store.isBuilding.value && press && !event.isPrimary) leaveToCamera()
+    if (!store.isBuilding.value || press || event.button !== 0 || !event.isPrimary || !event.isTrusted) return
     const at: Point = [event.clientX, event.clientY]
     const ground = view()?.groundPoint(...at)
     const { scene } = builder
     if (document.activeElement instanceof HTMLElement) document.activeElement.blur()
-    press = { pointer: event.pointerId, start: at, offset: null, isMoving: false, box: null }
+    press = { pointer: event.pointerId, start: at, kept: null, offset: null, isMoving: false, box: null }
     if (!scene || !ground || builder.hand.value) return
     const { selected } = builder
     const isOnSelected = selected.value.includes(partAt(scene, ground))
@@ -81,6 +92,7 @@ export function buildPointer(
       press.offset = [origin[0] - ground[0], origin[1] - ground[1]]
     } else return
     // the camera must not move
+    press.kept = event
     event.stopImmediatePropagation()
     event.preventDefault()
     canvas.setPointerCapture(event.pointerId)
@@ -127,11 +139,13 @@ export function buildPointer(
       return
     }
     if (hand) {
-      const ghost: MapScene['parts'] = hand.kind === 'module' && hand.target ? { ghost: hand.part } : {}
+      const isFinger = event.pointerType !== 'mouse'
+      const isThere = (hand.kind === 'module' && (hand.target || isFinger)) || (hand.kind === 'part' && isFinger)
+      const ghost: MapScene['parts'] = isThere ? { ghost: hand.part } : {}
       const isOnGhost = partAt({ ...scene, parts: ghost }, ground) !== ''
-      if (event.pointerType === 'mouse' && !isOnGhost) builder.moveTo(ground, at, project, event.shiftKey)
+      if (!isFinger && !isOnGhost) builder.moveTo(ground, at, project, event.shiftKey)
       // a finger first moves the piece, then sets it
-      if (event.pointerType === 'mouse' || isOnGhost) void builder.set()
+      if (!isFinger || isOnGhost) void builder.set()
       else builder.moveTo(ground, at, project, event.shiftKey)
       return
     }

@@ -83,8 +83,8 @@ function bar(
       'build-remove',
       'Delete',
       REMOVE,
-      'Delete the selected piece (Delete)',
-      () => void builder.remove(),
+      'Delete the selected piece (Delete), or put away the piece in hand (Escape)',
+      () => (builder.hand.value ? builder.cancel() : void builder.remove()),
     ),
     undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
     redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
@@ -110,7 +110,8 @@ function bar(
     buttons.mirror.disabled = hand ? hand.kind !== 'module' : builder.part?.type !== 'MapModule'
     buttons.turn.disabled = !isSelected && (!hand || hand.kind === 'wall' || hand.kind === 'block')
     buttons.close.disabled = hand ? hand.kind !== 'module' || !hand.target : !isSelected
-    buttons.copy.disabled = buttons.remove.disabled = !isSelected
+    buttons.copy.disabled = !isSelected
+    buttons.remove.disabled = !isSelected && !hand
   }
   builder.hand.watch(show)
   builder.selected.watch(show)
@@ -292,12 +293,12 @@ function problems(store: Store, builder: Builder): HTMLElement {
     Object.values(store.frame.value?.vehicles ?? {}).some(
       ({ pose }) => Math.hypot(pose.position[0] - x, pose.position[1] - y) < NEAR,
     )
-  let shown: readonly MapProblem[] = []
+  let shown: readonly MapProblem[] | null = null
   const show = (): void => {
     const map = store.scene.value?.map_scene
     const found = map?.problems ?? []
     const all = [...found, ...(map?.advice ?? []).filter(isTrue)]
-    if (all.length === shown.length && all.every((one, i) => one === shown[i])) return
+    if (all.length === shown?.length && all.every((one, i) => one === shown?.[i])) return
     shown = all
     if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
     list.replaceChildren(

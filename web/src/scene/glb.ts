@@ -50,6 +50,8 @@ export interface Asset {
   nodes: Node[]
   /** Textures (sRGB). */
   images: ImageBitmap[]
+  /** Names of the textures; a part of a map has only these, and the textures are those of the map. */
+  imageNames: string[]
   /** Index of the noise of the clouds; -1: none. */
   clouds: number
   strips: Strips | null
@@ -63,7 +65,7 @@ const UINT16 = 5123
 interface Tree {
   nodes: TreeNode[]
   meshes?: Mesh[]
-  images?: { name: string; bufferView: number; mimeType: string }[]
+  images?: { name: string; bufferView?: number; mimeType?: string }[]
   textures?: { source: number }[]
   materials: Material[]
   accessors: { bufferView: number; type: 'SCALAR' | 'VEC2' | 'VEC3'; componentType: number; count: number }[]
@@ -113,18 +115,26 @@ export async function readAsset(data: ArrayBuffer): Promise<Asset> {
   const length = view.getUint32(12, true)
   const tree: Tree = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, length)))
   const binary = 28 + length
-  const images = (tree.images ?? []).map((image) => {
+  const written = tree.images ?? []
+  const images = written.flatMap((image) => {
+    if (image.bufferView === undefined) return []
     const at = tree.bufferViews[image.bufferView]
     const bytes = new Uint8Array(data, binary + at.byteOffset, at.byteLength)
     return createImageBitmap(new Blob([bytes], { type: image.mimeType }), { colorSpaceConversion: 'none' })
   })
-  const clouds = (tree.images ?? []).findIndex((image) => image.name === 'clouds')
-  const written = tree.nodes[0].extras?.strips
-  const strips = written && {
-    vertices: accessorValues(written.vertices, tree, data, binary) as Float32Array,
-    triangles: accessorValues(written.triangles, tree, data, binary) as Uint32Array,
+  const imageNames = written.map((image) => image.name)
+  const own = tree.nodes[0].extras?.strips
+  const strips = own && {
+    vertices: accessorValues(own.vertices, tree, data, binary) as Float32Array,
+    triangles: accessorValues(own.triangles, tree, data, binary) as Uint32Array,
   }
-  return { nodes: nodes(tree, data, binary), images: await Promise.all(images), clouds, strips: strips ?? null }
+  return {
+    nodes: nodes(tree, data, binary),
+    images: await Promise.all(images),
+    imageNames,
+    clouds: imageNames.indexOf('clouds'),
+    strips: strips ?? null,
+  }
 }
 
 function accessorValues(number: number, tree: Tree, data: ArrayBuffer, binary: number) {

@@ -7,6 +7,7 @@ import {
   CustomBlending,
   DoubleSide,
   GLSL3,
+  Group,
   HalfFloatType,
   InterleavedBuffer,
   InterleavedBufferAttribute,
@@ -30,26 +31,23 @@ const FIELDS = { place: 2, outward: 4, strip: 4, amounts: 2 }
 export class GroundStrips {
   readonly uniform = { strip_map: { value: null as WebGLRenderTarget['texture'] | null } }
   private readonly own = { clip_from_map: { value: new Matrix4() }, half_size: { value: new Vector2() } }
-  private readonly geometry = new BufferGeometry()
+  private readonly geometries: BufferGeometry[]
   private readonly material: ShaderMaterial
-  private readonly mesh: Mesh
+  private readonly meshes = new Group()
   private target: WebGLRenderTarget | null = null
 
-  constructor(strips: Strips) {
-    const values = new InterleavedBuffer(strips.vertices, 12)
-    let offset = 0
-    for (const [name, size] of Object.entries(FIELDS)) {
-      this.geometry.setAttribute(name, new InterleavedBufferAttribute(values, size, offset))
-      offset += size
-    }
-    this.geometry.setIndex(new BufferAttribute(strips.triangles, 1))
+  constructor(strips: readonly Strips[]) {
+    this.geometries = strips.map(geometryOf)
     this.material = new ShaderMaterial({
       ...{ vertexShader: STRIP_VERTEX, fragmentShader: STRIP_FRAGMENT, glslVersion: GLSL3, uniforms: this.own },
       ...{ depthTest: false, depthWrite: false, transparent: true, side: DoubleSide },
       ...{ blending: CustomBlending, blendSrc: OneFactor, blendDst: OneFactor },
     })
-    this.mesh = new Mesh(this.geometry, this.material)
-    this.mesh.frustumCulled = false
+    for (const geometry of this.geometries) {
+      const mesh = new Mesh(geometry, this.material)
+      mesh.frustumCulled = false
+      this.meshes.add(mesh)
+    }
   }
 
   /** Draws what a camera sees, for an image of that size [pixels]. */
@@ -65,12 +63,24 @@ export class GroundStrips {
     this.own.half_size.value.set(width / 2, height / 2)
     renderer.setRenderTarget(this.target)
     renderer.clear(true, false, false)
-    renderer.render(this.mesh, camera)
+    renderer.render(this.meshes, camera)
   }
 
   dispose(): void {
     this.target?.dispose()
-    this.geometry.dispose()
+    for (const geometry of this.geometries) geometry.dispose()
     this.material.dispose()
   }
+}
+
+function geometryOf(strips: Strips): BufferGeometry {
+  const geometry = new BufferGeometry()
+  const values = new InterleavedBuffer(strips.vertices, 12)
+  let offset = 0
+  for (const [name, size] of Object.entries(FIELDS)) {
+    geometry.setAttribute(name, new InterleavedBufferAttribute(values, size, offset))
+    offset += size
+  }
+  geometry.setIndex(new BufferAttribute(strips.triangles, 1))
+  return geometry
 }

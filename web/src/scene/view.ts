@@ -18,7 +18,7 @@ import { Renderer } from './renderer'
 import { ScanView } from './scan'
 import { TrailView } from './trail_view'
 import { Viewpoints } from './viewpoints'
-import { World } from './world'
+import { release, World } from './world'
 import { lensZoomOf, wheelClicks, zoomCamera } from './zoom'
 
 export interface SceneStats {
@@ -79,6 +79,8 @@ class View implements SceneView {
   private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
+  /** Assets that the next World does not have. */
+  private readonly dropped: Asset[] = []
   private readonly cleanups: (() => void)[] = []
   private scene: Scene | null = null
   private world: World | null = null
@@ -257,8 +259,12 @@ class View implements SceneView {
 
   private async load(scene: Scene): Promise<void> {
     const vehicles = Object.values(scene.vehicles).map((vehicle) => vehicle.model)
-    const wanted = new Set([scene.model, ...vehicles, ...Object.values(scene.objects)])
-    for (const address of this.assets.keys()) if (!wanted.has(address)) this.assets.delete(address)
+    const wanted = new Set([scene.model, ...scene.ground, ...vehicles, ...Object.values(scene.objects)])
+    for (const [address, asset] of this.assets) {
+      if (wanted.has(address)) continue
+      this.assets.delete(address)
+      this.dropped.push(asset)
+    }
     const missing = [...wanted].filter((address) => !this.assets.has(address))
     const loaded = await Promise.all(missing.map((address) => loadAsset(sceneUrl(address))))
     for (const [i, address] of missing.entries()) this.assets.set(address, loaded[i])
@@ -266,11 +272,12 @@ class View implements SceneView {
 
   /** Builds the world for the current scene and profile. */
   private build(): void {
-    this.world?.dispose()
-    this.world = null
-    const { scene } = this
-    if (!scene || !this.assets.has(scene.model)) return
-    this.world = new World(scene, this.assets, this.profile)
+    const { scene, world: before } = this
+    const isLoaded = scene && [scene.model, ...scene.ground].every((address) => this.assets.has(address))
+    this.world = isLoaded ? new World(scene, this.assets, this.profile) : null
+    before?.dispose() // now, so that the new World has the same compiled shaders
+    for (const asset of this.dropped.splice(0)) release(asset)
+    if (!this.world) return
     this.world.scene.add(this.scan.group, this.trailView.mesh, this.drawingView.mesh, this.overlayView.group)
     this.resize()
     this.choice.restart(performance.now() / 1000)

@@ -24,7 +24,7 @@ import {
 import type { Scene } from '../messages'
 import { hasSeveralVehicles, vehicleColour } from '../vehicle_colours'
 import { daylight, effectsOf, extinction, inWeather } from './daylight'
-import { meshParts, shadowGeometry } from './geometry'
+import { type MeshPart, meshParts, shadowGeometry } from './geometry'
 import type { Asset, Vector } from './glb'
 import { GroundStrips } from './ground_strips'
 import { LampGlare } from './lamp_glare'
@@ -109,14 +109,16 @@ export class World {
     const map = asset(assets, description.model)
     const textures = this.textures(map)
     this.sky = new Sky(this.shared, textures[map.clouds] ?? null)
-    this.strips = map.strips && new GroundStrips(map.strips)
+    const ground = description.ground.map((address) => asset(assets, address))
+    const strips = [map, ...ground].flatMap((part) => part.strips ?? [])
+    this.strips = strips.length > 0 ? new GroundStrips(strips) : null
     Object.assign(this.shared, this.strips?.uniform)
     this.lenses = lensesOf(map, () => this.material(null, null))
     for (const { mesh } of this.lenses) this.scene.add(mesh)
     this.glare = new LampGlare(models.length, this.lenses.length)
     this.precipitation = new Precipitation(this.shared)
     this.scene.add(this.sky.mesh, this.glare.points, ...this.precipitation.meshes)
-    this.addMap(map, textures)
+    this.addMap(map, ground, textures)
     for (const model of models) this.scene.add(model.build(profile, (bones) => this.material(null, bones)))
     this.addObjects(assets)
   }
@@ -222,13 +224,22 @@ export class World {
     return geometry
   }
 
-  private addMap(model: Asset, textures: Texture[]): void {
-    const skeleton = new Skeleton(model.nodes)
-    for (const { geometry, image } of meshParts(model, skeleton, 'full', false)) {
-      const material = this.material(textures[image] ?? null, null)
+  /** The map; `ground`: the parts of its ground while it is built. */
+  private addMap(model: Asset, ground: Asset[], textures: Texture[]): void {
+    const materials = new Map<string, ShaderMaterial>()
+    const add = (part: Asset, { geometry, image }: MeshPart) => {
+      const name = part.imageNames[image] ?? ''
+      const material = materials.get(name) ?? this.material(textures[model.imageNames.indexOf(name)] ?? null, null)
       if (this.strips) material.defines.STRIPS = 1
-      this.scene.add(new Mesh(this.keep(geometry), material))
+      materials.set(name, material)
+      this.scene.add(new Mesh(geometry, material))
     }
+    const skeleton = new Skeleton(model.nodes)
+    for (const part of meshParts(model, skeleton, 'full', false)) {
+      this.keep(part.geometry)
+      add(model, part)
+    }
+    for (const part of ground) for (const one of groundParts(part)) add(part, one)
     const shadow = shadowGeometry(model, skeleton, 'shadow')
     if (shadow) this.shadows.staticScene.add(new Mesh(this.keep(shadow), this.keepDepth()))
   }
@@ -323,6 +334,21 @@ export class World {
     this.light.head_count.value = activeLamps.heads
     this.light.lamp_count.value = activeLamps.lamps
   }
+}
+
+/** The geometry of parts of the ground, which the next World has again if an edit did not change them. */
+const made = new WeakMap<Asset, MeshPart[]>()
+
+function groundParts(part: Asset): MeshPart[] {
+  const parts = made.get(part) ?? meshParts(part, new Skeleton(part.nodes), 'full', false)
+  made.set(part, parts)
+  return parts
+}
+
+/** Frees what the Worlds share of an asset that no World has any more. */
+export function release(part: Asset): void {
+  for (const { geometry } of made.get(part) ?? []) geometry.dispose()
+  made.delete(part)
 }
 
 function asset(assets: Assets, address: string): Asset {

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import count
 
+from autodrive.base.token_bucket import TokenBucket
 from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay, SetWeather
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
 
@@ -14,6 +16,8 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
+CLIENT_BURST = 1.0
+"""What the requests of one client may use at once [s], for example several edits in a row; its share is the same."""
 
 REPLACED = (Reset, LoadScenario, Seek, SetSpeed, SetSceneLight, SetTimeOfDay, SetWeather, SetCamera, ConnectBridge)
 """Of several such requests in a row only the last one is executed; it answers all of them."""
@@ -39,10 +43,10 @@ class Entry:
 class RequestQueue:
     """The requests of one client that wait. Times are those of any steady clock [s]."""
 
+    limit: TokenBucket = field(default_factory=lambda: TokenBucket(SHARE, CLIENT_BURST, time.perf_counter()))
+    """Of the time that its requests use."""
     is_busy: bool = False
     """Whether a request is being executed."""
-    free_at: float = 0.0
-    """Earliest time of the next execution."""
     _entries: deque[Entry] = field(default_factory=deque)
 
     def add(self, request: Request, size: int = 0) -> bool:

@@ -166,7 +166,7 @@ class Requests:
         for client, queue in list(self._queues.items()):
             if (entry := queue.next) is None:
                 continue
-            free_at = queue.free_at
+            free_at = queue.limit.free_at
             if not isinstance(entry.operation, OF_SERVER):
                 if self._is_busy:
                     continue
@@ -252,7 +252,8 @@ class Requests:
             one.queue.is_busy = False
             if is_limited:
                 work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-                one.queue.free_at = now + (1.0 / SHARE - 1.0) * work
+                one.queue.limit.tokens(now)
+                one.queue.limit.take(work)
         if is_limited and not is_of_server:
             self._limit.tokens(now)
             self._limit.take(entry.ended - entry.started)

@@ -37,9 +37,9 @@ class Material:
     """Of road paint that is in `Asset.strips`, too: the material of the road, on which renderers draw the strips."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeshSurface:
-    """Triangles of one material."""
+    """Triangles of one material; equal only to itself."""
 
     material: Material
     positions: Points
@@ -128,6 +128,8 @@ class Asset:
     textures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """sRGB images by name, shape (height, width, 3), first row at the top."""
     strips: Strips | None = None
+    foreign_textures: tuple[str, ...] = ()
+    """Names of textures of the asset to which this one belongs as a part."""
 
     def triangle_count(self, detail: Detail) -> int:
         """Number of triangles of all nodes at that level of detail."""

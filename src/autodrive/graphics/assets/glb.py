@@ -2,7 +2,8 @@
 
 In the file z is up; one root node turns it to glTF's y. A node has its "full" surfaces; "reduced" and "shadow" are
 children of it, named with `SUFFIX`, so that a page can use or ignore them. `extras` holds what glTF does not define:
-the joint and lamp of a node, the label of a primitive, the strips on the ground (in the root node).
+the joint and lamp of a node, the label of a primitive, the strips on the ground (in the root node). Textures of another
+asset have only a name.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class _Writer:
         self._meshes: list[dict[str, Any]] = []
         self._nodes: list[dict[str, Any]] = []
         self._materials: dict[Material, int] = {}
-        self._textures = {name: i for i, name in enumerate(asset.textures)}
+        self._textures = {name: i for i, name in enumerate((*asset.textures, *asset.foreign_textures))}
         self._known: dict[tuple[object, ...], int] = {}
         self._kept: list[np.ndarray] = []
 
@@ -60,6 +61,7 @@ class _Writer:
             {"name": name, "mimeType": "image/jpeg", "bufferView": self._view(jpeg(image))}
             for name, image in self._asset.textures.items()
         ]
+        images += [{"name": name} for name in self._asset.foreign_textures]
         self._add_nodes()
         materials = [self._material(material) for material in self._materials]
         tree = {

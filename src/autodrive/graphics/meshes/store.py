@@ -7,7 +7,7 @@ import hashlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -25,6 +25,7 @@ from autodrive.graphics.meshes.vehicle_paint import painted
 from autodrive.graphics.render.scene import RenderScene
 
 if TYPE_CHECKING:
+    from autodrive.graphics.meshes.map import Part
     from autodrive.scenario.maps.map import Map
     from autodrive.scenario.maps.solids import BoxPlacement
     from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -96,11 +97,31 @@ def file(kind: Kind, of: Any, *, is_kept: bool = True) -> tuple[str, bytes]:
 
     `is_kept`: in the cache; False for one of the many states of a map that is being built.
     """
-    if not is_kept:  # to hash the file is faster than to hash all that it follows from
-        data = write_glb(_build(kind, of))
-        return f"{kind}-{hashlib.sha256(data).hexdigest()[:24]}.glb", data
+    if not is_kept:
+        return _named(kind, write_glb(_build(kind, of)))
     name = file_name(kind, of)
     return name, _cached(name, lambda: _build(kind, of))[1]
+
+
+def map_files(map_: Map) -> tuple[tuple[str, bytes], list[tuple[str, bytes]]]:
+    """Name and content of the .glb files of a map that is being built: its solids with all textures, and its ground.
+
+    The ground is in parts, whose textures are in the first file; parts that an edit did not change have the same file.
+    """
+    from autodrive.graphics.meshes.map import map_parts
+
+    solids, parts = map_parts(map_)
+    return _named("map", write_glb(solids)), [_part_file(part) for part in parts]
+
+
+@lru_cache(maxsize=256)
+def _part_file(part: Part) -> tuple[str, bytes]:
+    return _named("ground", write_glb(part.asset))
+
+
+def _named(kind: str, data: bytes) -> tuple[str, bytes]:
+    """To hash the file is faster than to hash all that it follows from."""
+    return f"{kind}-{hashlib.sha256(data).hexdigest()[:24]}.glb", data
 
 
 def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:

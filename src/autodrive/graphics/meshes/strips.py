@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -14,6 +15,8 @@ from shapely.geometry.polygon import orient
 from autodrive.graphics.assets.asset import STRIP, Strips
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.base.arrays import Floats
 
 MOST_MITRE = 2.2
@@ -30,7 +33,8 @@ OFF_ROAD = 0.02
 """Share of a painted polygon that may lie beside the road."""
 
 
-class Line(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Line:
     """The middle of a strip and what it shows."""
 
     right: Floats
@@ -44,21 +48,37 @@ class Line(NamedTuple):
     """Of paint and of shade, 0 to 1."""
     left_amounts: tuple[float, float]
 
-
-def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> tuple[list[Line], list[shapely.Polygon]]:
-    """Strips for the polygons that are lines on that road, and the other polygons."""
-    lines: list[Line] = []
-    others: list[shapely.Polygon] = []
-    shapely.prepare(road)
-    for polygon in polygons:
-        line = _line(shapely.to_wkb(polygon))
-        if line is not None and (
-            shapely.covers(road, polygon) or shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area
+    @functools.cached_property
+    def vertices(self) -> NDArray[np.void]:
+        """The vertices of the strip, right and left, shape (n, 2), dtype `STRIP`."""
+        n, half = len(self.left), 0.5 * self.width
+        across = (self.left - self.right) / self.width
+        middle = 0.5 * (self.left + self.right)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1))])
+        ends = np.zeros((n, 2))
+        ends[0], ends[-1] = middle[0] - middle[1], middle[-1] - middle[-2]
+        ends[[0, -1]] *= (not self.is_endless) / np.linalg.norm(ends[[0, -1]], axis=1)[:, None]
+        own = np.zeros((n, 2), STRIP)
+        for side, (points, sign, amounts) in enumerate(
+            ((self.right, -1.0, self.right_amounts), (self.left, 1.0, self.left_amounts))
         ):
-            lines.append(line)
-        else:
-            others.append(polygon)
-    return lines, others
+            own["place"][:, side], own["amounts"][:, side] = points, amounts
+            own["outward"][:, side, :2], own["outward"][:, side, 2:] = sign * across, ends
+            own["strip"][:, side, 0], own["strip"][:, side, 1] = sign * half, half
+        own["strip"][..., 2] = (along - 0.5 * along[-1])[:, None]
+        own["strip"][..., 3] = ENDLESS if self.is_endless else 0.5 * along[-1]
+        return own
+
+
+def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> list[Line | None]:
+    """A strip for each polygon that is a line on that road, None for the others."""
+    shapely.prepare(road)
+
+    def is_on_road(polygon: shapely.Polygon) -> bool:
+        return bool(shapely.covers(road, polygon)) or shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area
+
+    lines = ((polygon, _line(shapely.to_wkb(polygon))) for polygon in polygons)
+    return [line if line is not None and is_on_road(polygon) else None for polygon, line in lines]
 
 
 def shade_along(points: Floats, width: float, shade: float, *, behind: float = 0.0) -> Line:
@@ -80,33 +100,13 @@ def shade_along(points: Floats, width: float, shade: float, *, behind: float = 0
 
 def strips(lines: Iterable[Line]) -> Strips | None:
     """All lines in one mesh; none if there are no lines."""
-    vertices: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    start = 0
-    for line in lines:
-        n, half = len(line.left), 0.5 * line.width
-        across = (line.left - line.right) / line.width
-        middle = 0.5 * (line.left + line.right)
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1))])
-        ends = np.zeros((n, 2))
-        ends[0], ends[-1] = middle[0] - middle[1], middle[-1] - middle[-2]
-        ends[[0, -1]] *= (not line.is_endless) / np.linalg.norm(ends[[0, -1]], axis=1)[:, None]
-        own = np.zeros((n, 2), STRIP)
-        for side, (points, sign, amounts) in enumerate(
-            ((line.right, -1.0, line.right_amounts), (line.left, 1.0, line.left_amounts))
-        ):
-            own["place"][:, side], own["amounts"][:, side] = points, amounts
-            own["outward"][:, side, :2], own["outward"][:, side, 2:] = sign * across, ends
-            own["strip"][:, side, 0], own["strip"][:, side, 1] = sign * half, half
-        own["strip"][..., 2] = (along - 0.5 * along[-1])[:, None]
-        own["strip"][..., 3] = ENDLESS if line.is_endless else 0.5 * along[-1]
-        first = start + 2 * np.arange(n - 1)[:, None]
-        triangles.append((first + np.array([[0, 2, 3, 0, 3, 1]])).reshape(-1, 3))
-        vertices.append(own.ravel())
-        start += 2 * n
+    vertices = [line.vertices for line in lines]
     if not vertices:
         return None
-    return Strips(np.concatenate(vertices), np.concatenate(triangles).astype(np.uint32))
+    is_last = np.zeros(sum(map(len, vertices)), bool)
+    is_last[np.cumsum([len(own) for own in vertices]) - 1] = True
+    triangles = 2 * np.flatnonzero(~is_last)[:, None] + np.array([0, 2, 3, 0, 3, 1])
+    return Strips(np.concatenate(vertices).ravel(), triangles.reshape(-1, 3).astype(np.uint32))
 
 
 @functools.lru_cache(maxsize=20_000)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
@@ -118,9 +119,9 @@ def _surfaces(map_: Map) -> Iterator[str]:
         yield _path("kerb", _kerb(map_))
     yield _path("road" if map_.track is None else "track", map_.drivable)
     for kind in dict.fromkeys(marking.kind for marking in map_.markings):
-        # the union removes seams where lines of two modules meet
-        lines = [marking.geometry for marking in map_.markings if marking.kind == kind]
-        yield _path(kind, shapely.union_all(lines, grid_size=GRID), COLOURS["white"])
+        # one path for all, so that no seam is seen where lines of two modules meet; they may overlap
+        lines = "".join(_painted(marking.geometry) for marking in map_.markings if marking.kind == kind)
+        yield f'<path class="{kind}" d="{lines}" fill="{COLOURS["white"]}" fill-rule="nonzero"/>'
 
 
 def _path(kind: str, geometry: BaseGeometry, fill: str = "") -> str:
@@ -253,6 +254,12 @@ def _d(geometry: BaseGeometry) -> str:
     """SVG path data of a polygon or multipolygon."""
     rings = shapely.get_rings(shapely.get_parts(geometry))
     return "".join(f"{_line(shapely.get_coordinates(ring)[:-1])}Z" for ring in rings)
+
+
+@functools.lru_cache(maxsize=20_000)
+def _painted(geometry: BaseGeometry) -> str:
+    """SVG path data of polygons that turn left, kept because an edit changes few of them."""
+    return _d(shapely.orient_polygons(geometry))
 
 
 def _escaped(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Divides the ground of a map into regions that do not overlap: floor, lawn, pavement, kerb, road, paint."""
+"""The layers of the ground of a map: road, kerb, pavement, lawn; and the extent of its tiles and floor."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from autodrive.scenario.maps.map import GRID
 from autodrive.scenario.maps.shapes import rectangle
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.scenario.maps.map import Map
     from autodrive.scenario.maps.module import MarkingKind
 
@@ -22,7 +24,8 @@ SIMPLIFY_TOLERANCE = 5e-4
 BEVEL, KERB_WIDTH, PAVEMENT_WIDTH = 0.003, 0.024, 0.055
 """Widths outside the road [m]: slope of the kerb, kerb including its slope, pavement behind the kerb. Our values."""
 TILE = 1.0
-"""Edge length of the square tiles of the ground [m]."""
+"""Edge length of the square tiles of the ground [m]; in a map with more than `MOST_TILES`, a multiple of it."""
+MOST_TILES = 10_000
 FLOOR_MARGIN = 250.0
 """Extent of the floor beyond everything that was placed [m]. Seen from a vehicle camera, it ends one pixel below the
 horizon."""
@@ -38,44 +41,47 @@ MARKING_LABELS: dict[MarkingKind, Label] = {
 
 
 @dataclass(frozen=True)
-class Region:
-    """Ground of one kind. The regions of a map neither overlap nor leave gaps."""
+class Layer:
+    """Ground of one kind."""
 
     name: str
-    """'floor', 'lawn', 'pavement', 'kerb', 'bevel', 'road', 'track' or 'paint'."""
+    """'lawn', 'pavement', 'kerb', 'bevel', 'road', 'track', 'paint' or 'plain_paint'."""
     label: Label
-    geometry: BaseGeometry
+    polygons: NDArray[np.object_]
+    """They may overlap."""
+
+    @property
+    def is_paint(self) -> bool:
+        """Whether it is only where the map is driven on."""
+        return self.name in ("paint", "plain_paint")
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether it is the road or track, without paint."""
+        return self.label is Label.ROAD
 
 
-def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]:
-    """All regions of a map. `tolerance`: largest distance of a simplified edge from the original [m]."""
-    # without the precision of the polygon, which a copy in another process does not have: the bits are the same in both
-    road = shapely.simplify(shapely.set_precision(map_.drivable, 0.0), tolerance)
-    open_ends = _open_ends(map_)
-    found: list[Region] = []
-    taken: BaseGeometry = shapely.Polygon()
+def layers(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Layer]:
+    """The layers of a map without paint, from the top down; the floor is below them.
 
-    def add(name: str, label: Label, geometry: BaseGeometry) -> None:
-        nonlocal taken
-        if geometry.geom_type not in ("Polygon", "MultiPolygon"):  # paint beside a road touches it in a line
-            geometry = shapely.union_all([part for part in shapely.get_parts(geometry) if part.area > 0.0])
-        if not geometry.is_empty:
-            found.append(Region(name, label, shapely.difference(geometry, taken, grid_size=GRID)))
-            taken = shapely.union(taken, geometry, grid_size=GRID)
-
-    for kind, label in reversed(MARKING_LABELS.items()):
-        lines = shapely.union_all([m.geometry for m in map_.markings if m.kind == kind], grid_size=GRID)
-        add("paint", label, shapely.intersection(shapely.simplify(lines, tolerance), road, grid_size=GRID))
-    add("road" if map_.track is None else "track", Label.ROAD, road)
+    `tolerance`: largest distance of a simplified edge from the original [m].
+    """
+    # without the precision of the polygon, which a copy in another process does not have: the bits are the same there
+    road = _simplified(shapely.set_precision(map_.drivable, 0.0), tolerance)
+    found: list[tuple[str, Label, BaseGeometry]] = [("road" if map_.track is None else "track", Label.ROAD, road)]
     if map_.track is not None and map_.track.barrier.kind == "duct":  # a duct leaves the floor below its sides visible
-        add("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))
-    strips = (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH))
-    for name, width in strips if not road.is_empty and map_.track is None else ():
-        strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
-        add(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))
-    add("lawn", Label.LAWN, map_.lawn)
-    add("floor", Label.GROUND, shapely.box(*floor_extent(map_)))
-    return found
+        found += [("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))]
+    if not road.is_empty and map_.track is None:
+        open_ends = _open_ends(map_)
+        for name, width in (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH)):
+            strip = _simplified(road.buffer(width, join_style="round"), 2.0 * tolerance)
+            found += [(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))]
+    # not `map_.lawn`: its edge along the road is not simplified
+    lawns = [one.footprint for one in map_.modules if one.module.spec.type == "terrain"]
+    return [
+        *(Layer(name, label, shapely.get_parts(area)) for name, label, area in found),
+        Layer("lawn", Label.LAWN, np.array(lawns, dtype=object)),
+    ]
 
 
 def floor_extent(map_: Map) -> tuple[float, float, float, float]:
@@ -88,10 +94,29 @@ def floor_extent(map_: Map) -> tuple[float, float, float, float]:
 
 def tile_extent(map_: Map) -> tuple[float, float, float, float]:
     """x_min, y_min, x_max, y_max of the tiles [m]; the floor beyond them is one piece."""
+    return _tile_extent(map_, tile_size(map_))
+
+
+def tile_size(map_: Map) -> float:
+    """Edge length of the tiles [m]."""
+    size = TILE
+    while True:
+        x0, y0, x1, y1 = _tile_extent(map_, size)
+        if (x1 - x0) * (y1 - y0) <= MOST_TILES * size * size:
+            return size
+        size *= 2.0
+
+
+def _tile_extent(map_: Map, size: float) -> tuple[float, float, float, float]:
     margin = KERB_WIDTH + PAVEMENT_WIDTH
-    low = np.floor((np.array(map_.bounds[:2]) - margin) / TILE) * TILE
-    high = np.ceil((np.array(map_.bounds[2:]) + margin) / TILE) * TILE
+    low = np.floor((np.array(map_.bounds[:2]) - margin) / size) * size
+    high = np.ceil((np.array(map_.bounds[2:]) + margin) / size) * size
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _simplified(area: BaseGeometry, tolerance: float) -> BaseGeometry:
+    """Where a ring begins decides which points stay: at the least one, whatever other areas there are."""
+    return shapely.simplify(shapely.normalize(area), tolerance)
 
 
 def _open_ends(map_: Map) -> BaseGeometry:

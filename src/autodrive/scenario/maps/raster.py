@@ -12,7 +12,8 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.base.png import encode_png
 from autodrive.physics.model import CYLINDER
 from autodrive.protocol.labels import Label
-from autodrive.scenario.maps.ground import regions
+from autodrive.scenario.maps.ground import MARKING_LABELS, layers
+from autodrive.scenario.maps.map import GRID
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,16 +96,26 @@ def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
     """`Label` of each cell seen from above; rows and cells as in `occupancy`."""
     x, y = _middles(map_, resolution)
     seen = np.full(x.shape, Label.GROUND, np.uint8)
-    layers: list[tuple[BaseGeometry, Label]] = [
-        (region.geometry, region.label) for region in regions(map_, tolerance=0.0)
+    of_ground = [(one.label, one.polygons) for one in reversed(layers(map_, tolerance=0.0))]
+    solids = [(SOLID_LABELS[shape.material], [outline(shape)]) for shape in map_.statics]
+    solids += [(Label.BOX, [box.plan]) for box in map_.boxes]
+    paint = [
+        (label, [one.geometry for one in map_.markings if one.kind == kind]) for kind, label in MARKING_LABELS.items()
     ]
-    layers += [(outline(shape), SOLID_LABELS[shape.material]) for shape in map_.statics]
-    layers += [(box.plan, Label.BOX) for box in map_.boxes]
-    for geometry, label in layers:
-        if label != Label.GROUND and not geometry.is_empty:
-            shapely.prepare(geometry)
-            seen[shapely.intersects_xy(geometry, x, y)] = label
+    on_road = _within(map_.drivable, x, y)
+    for label, polygons in of_ground:
+        if label != Label.GROUND:
+            seen[_within(shapely.union_all(polygons), x, y)] = label
+    for label, lines in paint:
+        seen[_within(shapely.union_all(lines, grid_size=GRID), x, y) & on_road] = label
+    for label, plans in solids:
+        seen[_within(shapely.union_all(plans), x, y)] = label
     return seen
+
+
+def _within(area: BaseGeometry, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    shapely.prepare(area)
+    return shapely.intersects_xy(area, x, y)
 
 
 def write_labels(map_: Map, path: Path, resolution: float = 0.01) -> None:
