@@ -245,18 +245,29 @@ def test_lock_step_in_cpp_equals_world_step(build: Path) -> None:
 
 def test_cpp_sets_a_traffic_light_and_reads_what_a_vehicle_hears(build: Path) -> None:
     scenario = ScenarioSpec.model_validate(
-        {"map": "crossing", "vehicles": {"V1": {"x": -1.5}, "V2": {"x": -2.5}}, "v2x": {"rate": 100.0}}
+        {
+            "map": "crossing",
+            "vehicles": {"V1": {"x": -1.5}, "V2": {"x": -2.5}},
+            "v2x": {"rate": 100.0},
+            "traffic": {"cars": 2},
+        }
     )
     simulation = Simulation(autodrive.make(scenario))
     with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
-        light, *heard = run(build / "traffic", server.port).splitlines()
+        light, traffic, *heard = run(build / "traffic", server.port).splitlines()
     assert light == "2 set"
+    assert traffic.split() == ["traffic_1", "traffic_2"]
     world = autodrive.make(scenario)
     world.set_traffic_light("traffic_light_3", TrafficLightState.YELLOW)
     reading = world.step().vehicles["V1"].v2x
     assert reading is not None
-    other = reading.vehicles["V2"]
-    values = [other.sent, other.received, *other.position, other.yaw, other.speed, other.steering]
+    assert len(reading.vehicles) == 3
+    cars = {
+        name: (
+            *(one.sent, one.received, *one.position, one.yaw, one.speed, one.steering),
+            *(one.lights.headlights, one.lights.indicators),
+        )
+        for name, one in reading.vehicles.items()
+    }
     lights = {name: (one.sent, one.state, one.time_to_change or -1.0) for name, one in reading.lights.items()}
-    expected = {"V2": (*values, other.lights.headlights, other.lights.indicators), **lights}
-    assert {name: tuple(map(float, words)) for name, *words in map(str.split, heard)} == expected
+    assert {name: tuple(map(float, words)) for name, *words in map(str.split, heard)} == {**cars, **lights}

@@ -11,9 +11,10 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import CommandError, SpecError
+from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.parameters import applied, errors
 from autodrive.experiments.campaigns.sampling import Range
-from autodrive.protocol.messages import Command, Frame, TrafficLightState
+from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, TailLights, TrafficLightState
 from autodrive.scenario.files import read_scenario
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.world import World
@@ -318,6 +319,79 @@ def test_traffic_is_marked_and_obeys_no_commands() -> None:
         world.set_driving_mode("traffic_1", is_autonomous=False)
     with autodrive.Simulation(world) as simulation, pytest.raises(CommandError, match="drives itself"):
         simulation.submit("traffic_1", Command())
+
+
+def test_headlights_of_the_traffic_are_on_by_night() -> None:
+    world = world_of("oval", cars=2)
+
+    def headlights() -> list[Headlights]:
+        return [one.lights.headlights for one in world.frame.vehicles.values()]
+
+    assert headlights() == [Headlights.OFF] * 3
+    world.set_scene_light(False)
+    world.step()
+    assert headlights() == [Headlights.OFF, Headlights.LOW, Headlights.LOW]
+    assert world.frame.vehicles["traffic_1"].lights.tail_lights > TailLights.OFF
+    night = world_of("oval", cars=1, scene_light=False)
+    assert night.frame.vehicles["traffic_1"].lights.headlights == Headlights.LOW  # from the first Frame on
+
+
+def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:
+    """A car comes to a standing car of the user, which then drives away; the lamps against the change of its speed."""
+    world = world_of("oval", cars=1)
+    place_on_link(world, "traffic_1", 0, 0.4)
+    run(world, 600)
+
+    def is_lit() -> bool:
+        return world.frame.vehicles["traffic_1"].lights.tail_lights is TailLights.BRIGHT
+
+    free = [world.step() and is_lit() for _ in range(100)]
+    assert not any(free)
+    place_on_link(world, "V1", 0, float(traffic_of(world).drivers.at[0]) + 1.2)
+    speed, lit = [], []
+    for _ in range(900):
+        speed.append(world.step().vehicles["traffic_1"].speed)
+        lit.append(is_lit())
+    change = (np.array(speed[20:]) - np.array(speed[:-20])) / 0.2  # [m/s^2] in the last 0.2 s: the drive lags behind
+    brakes = change < -0.8 / 14.0
+    assert brakes.sum() > 100
+    assert np.array(lit[20:])[brakes].all()
+    assert abs(speed[-1]) < 0.001
+    assert lit[-1]
+    world.teleport("V1", 0.0, 1.15)
+    later = [world.step() and is_lit() for _ in range(200)]
+    assert not any(later[10:])
+    assert world.frame.vehicles["traffic_1"].speed > 0.1
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_indicators_say_where_a_car_turns(seed: int) -> None:
+    """From 2.1 m before a turn until its end; against the heading before and after, and without a turn none."""
+    world = world_of(seed=seed)
+    turned = {Indicators.LEFT: 0, Indicators.RIGHT: 0}
+    names = traffic_of(world).names
+    roads, drivers = traffic_of(world).roads, traffic_of(world).drivers
+    on_gate: dict[str, tuple[int, float, set[Indicators]]] = {}
+    for _ in range(6000):
+        frame = world.step()
+        for c, name in enumerate(names):
+            car, link = frame.vehicles[name], int(drivers.link[c])
+            gate = link if link >= 0 and roads.is_gate[link] else -1
+            yaw = yaw_from_quaternion(car.pose.orientation)
+            before, first, shown = on_gate.get(name, (-1, yaw, set()))
+            if gate != before:
+                if before >= 0:
+                    ahead = roads.points[roads.point_first[before + 1] - 1, 2:]
+                    angle = math.remainder(math.atan2(ahead[1], ahead[0]) - first, 2.0 * math.pi)
+                    want = Indicators.LEFT if angle > 0.8 else Indicators.RIGHT if angle < -0.8 else Indicators.OFF
+                    assert shown == {want}, (name, angle, shown)
+                    turned[want] = turned.get(want, 0) + 1
+                on_gate[name] = gate, yaw, set()
+            elif gate >= 0 and drivers.at[c] < 0.9 * roads.length[gate]:
+                shown.add(car.lights.indicators)
+    assert turned[Indicators.LEFT] > 2
+    assert turned[Indicators.RIGHT] > 2
+    assert turned[Indicators.OFF] > 2
 
 
 def test_the_lidar_sees_the_traffic() -> None:

@@ -1,4 +1,4 @@
-// Sets a traffic light and prints what V1 hears by radio, after one tick in lock-step.
+// Sets a traffic light and prints the cars of the traffic and what V1 hears by radio, after one tick in lock-step.
 #include <autodrive/client.hpp>
 #include <cstdlib>
 #include <iomanip>
@@ -12,6 +12,9 @@ int main(int, char** argv) {
     const autodrive::Frame frame = simulator.step(1, {});
     const autodrive::VehicleFrame& car = frame.vehicles.at("V1");
     std::cout << std::setprecision(17) << set.state << ' ' << set.mode << std::endl;
+    for (const auto& [name, one] : frame.vehicles)
+        if (one.is_traffic) std::cout << name << ' ';
+    std::cout << std::endl;
     for (const auto& [name, one] : car.heard_vehicles)
         std::cout << name << ' ' << one.sent << ' ' << one.received << ' ' << one.position.transpose() << ' ' << one.yaw
                   << ' ' << one.speed << ' ' << one.steering << ' ' << one.headlights << ' ' << one.indicators << std::endl;

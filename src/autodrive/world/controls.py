@@ -28,6 +28,15 @@ class VehicleControls:
     indicators: Indicators = Indicators.OFF
     indicators_since: int = 0
     """Tick at which the indicators were switched on."""
+    is_braking: bool = False
+    """Whether the brake lamps are on with a throttle that is not 0, too."""
+
+    def switch_indicators(self, indicators: Indicators, tick: int) -> None:
+        """Switch the indicators at that tick; they blink on if they were on."""
+        if indicators != self.indicators:
+            if self.indicators == Indicators.OFF:
+                self.indicators_since = tick
+            self.indicators = indicators
 
 
 class Controls:
@@ -75,10 +84,8 @@ class Controls:
             controls.command, controls.since = command, tick
             if command.headlights is not None:
                 controls.headlights = Headlights(command.headlights)
-            if command.indicators is not None and command.indicators != controls.indicators:
-                if controls.indicators == Indicators.OFF:
-                    controls.indicators_since = tick
-                controls.indicators = Indicators(command.indicators)
+            if command.indicators is not None:
+                controls.switch_indicators(Indicators(command.indicators), tick)
 
     def update(self, tick: int) -> None:
         """Write what the vehicles obey at that tick into `throttle` and `steering`: clamped, 0 after the time-out."""

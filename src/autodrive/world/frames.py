@@ -113,7 +113,7 @@ class FrameBuilder:
             angular_velocity=angular_velocity,
             throttle=throttle,
             steering=steering,
-            lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0, is_reversing),
+            lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0 or controls.is_braking, is_reversing),
             wheels=WheelsReading(*wheels),
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,

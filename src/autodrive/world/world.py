@@ -210,6 +210,7 @@ class World(OneThread):
         controls.update(self._tick)
         if self.traffic is not None:
             self.traffic.drive(self._tick, self._lights_now(), controls.throttle, controls.steering)
+            self.traffic.show(controls.vehicles, self._tick, is_day=self.scene_light)
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self._follows_weather and self._tick % self._weather_ticks == 0:
@@ -272,6 +273,8 @@ class World(OneThread):
         if self.traffic is not None:
             self.traffic.reset(self._seed)
         self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
+        if self.traffic is not None:
+            self.traffic.show(self._controls.vehicles, 0, is_day=self.scene_light)
         self._poses.held = {}
         self._referee.reset()
         self._traffic_lights.set_states = {}

@@ -272,11 +272,15 @@ def test_a_vehicle_whose_road_is_removed_stands_and_is_off_the_road() -> None:
     building = Building("mini_map")
     building.drive(50)
     position = building.world.frame.vehicles["V1"].pose.position
+    assert [one for one in building.scene.advice if one.kind == "outside"] == []
     building.put(straight_road_2=None)
     frames = building.drive(100)
     off = [event for frame in frames for event in frame.events if isinstance(event, OffRoad)]
     assert [event.vehicle for event in off] == ["V1"]
     assert frames[-1].vehicles["V1"].pose.position == pytest.approx(position, abs=1e-3)
+    (advice,) = (one for one in building.scene.advice if one.kind == "outside")
+    assert "'V1' stands beside the drivable area" in advice.text
+    assert (advice.x, advice.y) == pytest.approx(tuple(position[:2]), abs=1e-3)
 
 
 def test_parts_without_a_name_keep_theirs_when_an_earlier_one_is_removed() -> None:

@@ -89,6 +89,7 @@ struct VehicleFrame {
     int headlights = 0;              ///< 0 off, 1 low, 2 high beam
     int indicators = 0;              ///< 0 off, 1 left, 2 right, 3 hazard
     bool is_autonomous = false;      ///< whether a script may drive
+    bool is_traffic = false;         ///< whether it is one of the cars of the traffic, which drive themselves
     std::int64_t collision_count = 0;  ///< since the last reset
     std::map<std::string, HeardVehicle> heard_vehicles;  ///< by radio; empty without a channel in the scenario
     std::map<std::string, HeardLight> heard_lights;      ///< by radio; likewise

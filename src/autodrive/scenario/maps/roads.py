@@ -47,6 +47,8 @@ class Roads(NamedTuple):
     """1: a vehicle needs permission to enter, shape (n,)."""
     stop_at: Floats
     """Where a vehicle waits before the gate, from the start of the link [m], shape (n,)."""
+    turn: Integers
+    """1: the link of a gate turns to the left; -1: to the right; else 0, shape (n,)."""
     light: Integers
     """Number of the traffic light of the gate in the map; -1: it has none, shape (n,)."""
     is_stop: Integers
@@ -78,6 +80,7 @@ NO_ROADS = Roads(
     successor=_NO_INTEGERS,
     is_gate=_NO_INTEGERS,
     stop_at=_NO_NUMBERS,
+    turn=_NO_INTEGERS,
     light=_NO_INTEGERS,
     is_stop=_NO_INTEGERS,
     critical_gap=_NO_NUMBERS,
@@ -116,6 +119,7 @@ def roads(map_: Map, clearance: float) -> Roads:
             end = _clear_from(points[second], lines[i], clearance) * float(spacing[second])
             rivals[first].append((second, end, _yields(graph, minor, turn, i, k)))
     lights = {name: k for k, name in enumerate(map_.traffic_lights)}
+    turns = [turn.get(chain[0], 0.0) for chain in chains]
     its_stop = [stops.get(chain[0]) for chain in chains]
     return Roads(
         point_first=_firsts([len(one) for one in points]),
@@ -126,9 +130,10 @@ def roads(map_: Map, clearance: float) -> Roads:
         successor=_integers([link_of[k] for chain in chains for k in next_of[chain[-1]]]),
         is_gate=_integers([int(chain[0] in gates) for chain in chains]),
         stop_at=np.array([stop[0] if stop else 0.0 for stop in its_stop]),
+        turn=_integers([int(angle > STRAIGHT) - int(angle < -STRAIGHT) for angle in turns]),
         light=_integers([lights.get(stop[1].prop, -1) if stop else -1 for stop in its_stop]),
         is_stop=_integers([int(stop is not None and stop[1].kind == "stop") for stop in its_stop]),
-        critical_gap=np.array([_critical_gap(chain[0] in minor, turn.get(chain[0], 0.0)) for chain in chains]),
+        critical_gap=np.array([_critical_gap(chain[0] in minor, t) for chain, t in zip(chains, turns, strict=True)]),
         conflict_first=_firsts([len(one) for one in rivals]),
         conflict=_integers([other for one in rivals for other, _, _ in one]),
         conflict_end=np.array([end for one in rivals for _, end, _ in one]),

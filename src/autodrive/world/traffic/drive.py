@@ -53,6 +53,11 @@ PATIENCE = 20.0
 """After so long at a gate a driver no longer gives way to those who come later [s]."""
 STOPPED = 0.03
 """A slower vehicle has stopped [m/s]."""
+SIGNAL = 30.0 / SCALE
+"""A driver indicates a turn that is nearer than that [m] (Uniform Vehicle Code, 11-804: 100 feet)."""
+BRAKE_ON, BRAKE_OFF = 0.7 / SCALE, 0.35 / SCALE
+"""The brake lamps go on above the first deceleration, below which they must be off (UN Regulation 13-H, 5.2.22.4), and
+off below the second one [m/s^2]."""
 LOST = 0.3
 """A vehicle farther from its link looks for another one [m]."""
 STEERING_GAIN = 2.0
@@ -87,6 +92,10 @@ class Drivers(NamedTuple):
     """Tick at which the driver came near to the next gate; -1: has not, shape (n,)."""
     speed: Floats
     """Speed that the driver commands [m/s], shape (n,)."""
+    signal: Integers
+    """1: indicates a turn to the left; -1: to the right; else 0, shape (n,)."""
+    is_braking: Integers
+    """1: the brake lamps are on, shape (n,)."""
     desired: Floats
     """Speed at which the driver likes to drive [m/s], shape (n,)."""
     stream: NDArray[np.uint64]
@@ -127,6 +136,8 @@ def new_drivers(shape: tuple[int, ...]) -> Drivers:
         has_stopped=np.zeros(shape, np.int64),
         asked=np.full(shape, NONE, np.int64),
         speed=np.zeros(shape),
+        signal=np.zeros(shape, np.int64),
+        is_braking=np.zeros(shape, np.int64),
         desired=np.ones(shape),
         stream=np.zeros((*shape, 3), np.uint64),
     )
@@ -145,6 +156,8 @@ def drivers_of(k: int, drivers: Drivers) -> Drivers:
         d.has_stopped[k],
         d.asked[k],
         d.speed[k],
+        d.signal[k],
+        d.is_braking[k],
         d.desired[k],
         d.stream[k],
     )
@@ -239,6 +252,7 @@ def drive(
     _grant_gates(roads, bodies, drivers, plan, seen, tick, dt)
     for c in range(n):
         _command(c, roads, bodies, drivers, plan, seen, dt, throttle, steering)
+        _indicate(c, roads, drivers)
 
 
 @inlined
@@ -650,10 +664,11 @@ def _command(
     link = drivers.link[c]
     throttle[row] = steering[row] = 0.0
     if link == NONE:
-        drivers.speed[c] = 0.0
+        drivers.speed[c], drivers.is_braking[c] = 0.0, 1
         return
     actual, desired = seen.velocity[row, 0], drivers.desired[c]
     speed = min(max(drivers.speed[c], actual - 0.1), max(actual, 0.0) + 0.1)
+    before = speed
     acceleration = idm_acceleration(speed, desired, plan.gap[c], speed - plan.leader_speed[c])
     if plan.gate[c] != NONE:
         gap = plan.distance[c] - STOP_MARGIN + JAM_GAP
@@ -662,6 +677,12 @@ def _command(
     if plan.gate[c] != NONE:  # the model alone may stop a little behind the line
         speed = min(speed, sqrt(2.0 * YELLOW_BRAKING * max(plan.distance[c] - LINE_MARGIN, 0.0)))
     drivers.speed[c] = min(max(speed, 0.0), bodies.top_speed[row])
+    deceleration = (before - drivers.speed[c]) / dt
+    is_standing = drivers.speed[c] < STOPPED and deceleration >= 0.0
+    if is_standing or deceleration > BRAKE_ON:
+        drivers.is_braking[c] = 1
+    elif deceleration < BRAKE_OFF:
+        drivers.is_braking[c] = 0
     throttle[row] = drivers.speed[c] / bodies.top_speed[row]
     x, y = _front_axle(row, bodies, seen)
     hx, hy = _heading(row, seen)
@@ -670,3 +691,20 @@ def _command(
     turn = atan2(hx * ty - hy * tx, hx * tx + hy * ty)
     angle = turn - atan(STEERING_GAIN * left / (max(actual, 0.0) + STEERING_SPEED))
     steering[row] = min(max(angle / bodies.steering_limit[row], -1.0), 1.0)
+
+
+@inlined
+def _indicate(c: int, roads: Roads, drivers: Drivers) -> None:
+    """Write the indicators of a driver: the next turn on the route, until the front axle has left it."""
+    drivers.signal[c] = 0
+    if drivers.link[c] == NONE:
+        return
+    way = -drivers.at[c]
+    for k in range(ROUTE + 1):
+        link = _route(c, k, drivers)
+        if way > SIGNAL:
+            return
+        if roads.turn[link] != 0:
+            drivers.signal[c] = roads.turn[link]
+            return
+        way += roads.length[link]

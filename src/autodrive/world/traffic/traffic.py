@@ -14,14 +14,16 @@ from autodrive.physics.model import Model
 from autodrive.physics.sensors.random_stream import new_stream
 from autodrive.physics.sensors.sensor import random_generator
 from autodrive.physics.state import State
-from autodrive.protocol.messages import TrafficLightFrame
+from autodrive.protocol.messages import Headlights, Indicators, TrafficLightFrame
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import Map
 from autodrive.scenario.maps.roads import NO_ROADS, roads
 from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.controls import VehicleControls
 from autodrive.world.traffic.drive import NONE, UNREGULATED, Bodies, Drivers, Seen, drive, new_drivers, new_plan
 from autodrive.world.traffic.start import chosen_places, clearance, reach, start_places
 
+INDICATORS = {1: Indicators.LEFT, 0: Indicators.OFF, -1: Indicators.RIGHT}
 SLOWEST = 0.85
 """Each driver likes to drive at a speed from this share of that of the scenario to all of it."""
 
@@ -76,7 +78,7 @@ class Fleet:
         d = drivers
         for column in (d.link, d.route, d.behind, d.granted, d.asked):
             column[:] = NONE
-        for column in (d.at, d.speed, d.has_stopped):
+        for column in (d.at, d.speed, d.has_stopped, d.signal, d.is_braking):
             column[:] = 0
         for i, name in enumerate(self.names):
             rng = random_generator(seed, name, "route")
@@ -104,11 +106,21 @@ class Traffic(Fleet):
         self.drivers = new_drivers((len(self.names),))
         self._plan = new_plan(len(self.names))
         self._seen = Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
+        self._rows: list[int] = self.bodies.row.tolist()
         self._drive: Any = None
 
     def reset(self, seed: int) -> None:
         """Let the drivers begin anew, with the random numbers of that seed."""
         self.begin(self.drivers, seed)
+
+    def show(self, vehicles: Sequence[VehicleControls], tick: int, *, is_day: bool) -> None:
+        """Switch the lamps of the traffic among all `vehicles`: headlights by night, brake lamps and indicators."""
+        headlights = Headlights.OFF if is_day else Headlights.LOW
+        signals, brakes = self.drivers.signal.tolist(), self.drivers.is_braking.tolist()
+        for row, signal, is_braking in zip(self._rows, signals, brakes, strict=True):
+            vehicle = vehicles[row]
+            vehicle.headlights, vehicle.is_braking = headlights, is_braking == 1
+            vehicle.switch_indicators(INDICATORS[signal], tick)
 
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""

@@ -70,6 +70,7 @@ inline VehicleFrame vehicle(const Json& json) {
     vehicle.headlights = json.at("lights").at("headlights");
     vehicle.indicators = json.at("lights").at("indicators");
     vehicle.is_autonomous = json.at("is_autonomous");
+    vehicle.is_traffic = json.at("is_traffic");
     vehicle.collision_count = json.at("collision_count");
     if (const auto v2x = json.find("v2x"); v2x != json.end() && !v2x->is_null()) {
         for (const auto& [name, value] : v2x->at("vehicles").items()) vehicle.heard_vehicles[name] = heard_vehicle(value);
