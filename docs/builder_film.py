@@ -1,4 +1,4 @@
-"""Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
+"""Makes the film of builder.md in the page: a track is built, saved and driven on: `uv run docs/builder_film.py`.
 
 The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
 """
@@ -25,13 +25,12 @@ from autodrive.protocol.messages import Pause, Step
 from autodrive.recording.film.video import Video
 from autodrive.run.options import RunOptions
 from autodrive.run.runner import RunObserver, opened
-from autodrive.scenario.maps.map import Map
 from autodrive.world.simulation import Simulation
 
 HERE = Path(__file__).parent
 FILE = HERE / "builder.webm"
 SIZE = 1024, 640
-RATE = 6
+RATE = 5
 """Images per second of the film."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
@@ -124,15 +123,6 @@ class Film:
         found = self.page.evaluate("([x, y]) => autodrive.view.screenPoint(x, y, 0)", [x, y])
         return found[0], found[1]
 
-    def click_map(self, x: float, y: float) -> None:
-        """Click a point of the map, and wait for the edit."""
-        before = self.simulation.undo_name, self.value("store.scene.value.model")
-        self.point(*self.screen(x, y))
-        self.page.mouse.click(*self._at)
-        self.wait(lambda: (self.simulation.undo_name, self.value("store.scene.value.model")) != before)
-        self.wait_for_image()
-        self.take(0.4)
-
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Drag from one point of the map to another."""
         before = self.value("store.scene.value.model")
@@ -156,44 +146,6 @@ class Film:
             self.take()
 
 
-def lane_follower(map_: Map, simulation: Simulation) -> Callable[[], Command]:
-    """Pure pursuit along the lanes; at a crossing straight ahead."""
-    lanes = map_.lane_graph.lanes
-    vehicle = simulation.frame.vehicles["V1"]
-    x, y, _ = vehicle.pose.position
-    near = min(range(len(lanes)), key=lambda i: float(np.hypot(*(lanes[i].points - (x, y)).T).min()))
-    route = np.empty((0, 2))
-    lane = near
-    for _ in range(60):
-        route = np.vstack([route, lanes[lane].points])
-        heading = _heading(lanes[lane].points[-2:])
-        lane = min(
-            lanes[lane].successors,
-            key=lambda i: abs(math.remainder(_heading(lanes[i].points[[0, -1]]) - heading, 2.0 * math.pi)),
-        )
-    at = 0
-
-    def command() -> Command:
-        nonlocal at
-        pose = simulation.frame.vehicles["V1"].pose
-        x, y, _ = pose.position
-        w, _, _, z = pose.orientation
-        window = np.hypot(*(route[at : at + 200] - (x, y)).T)
-        at += int(window.argmin())
-        ahead = np.flatnonzero(np.hypot(*(route[at : at + 300] - (x, y)).T) > 0.3)
-        goal = route[at + int(ahead[0])] if len(ahead) else route[-1]
-        bearing = math.atan2(goal[1] - y, goal[0] - x) - 2.0 * math.atan2(z, w)
-        curvature = 2.0 * math.sin(bearing) / math.hypot(goal[0] - x, goal[1] - y)
-        return Command(0.8, max(-1.0, min(1.0, math.atan(0.14154 * curvature) / math.radians(30.0))))
-
-    return command
-
-
-def _heading(points: np.ndarray) -> float:
-    (x0, y0), (x1, y1) = points
-    return math.atan2(y1 - y0, x1 - x0)
-
-
 def gap_follower(simulation: Simulation) -> Callable[[], Command]:
     """The race program of the examples, for the car on the small track."""
     follow = runpy.run_path(str(HERE.parent / "examples" / "racing" / "follow_the_gap.py"))["command"]
@@ -207,50 +159,6 @@ def gap_follower(simulation: Simulation) -> Callable[[], Command]:
         return Command(min(1.0, 12.0 * throttle), steering)
 
     return command
-
-
-def town(film: Film) -> None:
-    """A figure eight from modules, with buildings, and a car on it."""
-    page, simulation = film.page, film.simulation
-    film.caption("Build mode: take a piece, and click the plane")
-    film.click("build-button")
-    film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
-    page.wait_for_timeout(1500)
-    page.evaluate("() => autodrive.view.showArea(-1.2, -0.3, 8)")
-    film.wait_for_image(3)
-    film.take(1.0)
-    film.click("piece-four_way_intersection")
-    film.click_map(0.0, 0.0)
-    film.caption("A road snaps to an open end; Set adds the next piece")
-    for side in (0.7, -0.7):
-        film.click("piece-curved_road")
-        x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
-        film.click_map(x + side, y)
-        for _ in range(2):
-            before = len(film.value("store.scene.value.map_scene.parts"))
-            film.wait(lambda: page.get_by_test_id("build-set").is_enabled())
-            film.click("build-set")
-            film.wait(lambda before=before: len(film.value("store.scene.value.map_scene.parts")) == before + 1)
-            film.wait_for_image()
-            film.take(0.5)
-        page.keyboard.press("Escape")
-    film.caption("No problems: both loops are closed. Add a few buildings")
-    film.click("piece-block")
-    for x0, y0, x1, y1 in ((1.0, 1.0, 1.5, 1.6), (-1.5, -1.5, -1.0, -1.0)):
-        film.point(*film.screen(x0, y0))
-        page.mouse.click(*film.screen(x0, y0))
-        film.click_map(x1, y1)
-    page.keyboard.press("Escape")
-    film.caption("Place the car on a road, and drive")
-    film.point(*film.screen(0.1, 0.1))
-    page.mouse.click(*film.screen(0.1, 0.1))
-    film.wait(lambda: page.get_by_test_id("build-car").is_visible())
-    film.click("build-car")
-    film.take(1.0)
-    film.click("build-done")
-    page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
-    film.wait_for_image(3)
-    film.drive(16.0, lane_follower(simulation.world.map, simulation), speed=2.0)
 
 
 def track(film: Film) -> None:
@@ -285,11 +193,7 @@ def track(film: Film) -> None:
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
-    film.drive(10.0, gap_follower(simulation), speed=3.0)
-    page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
-    film.wait_for_image(3)
-    film.drive(10.0, gap_follower(simulation), speed=3.0)
-    film.caption("Your own map, in a few minutes", 2.5)
+    film.drive(6.5, gap_follower(simulation), speed=3.0)
 
 
 def main() -> None:
@@ -313,7 +217,6 @@ def main() -> None:
         film.wait(lambda: film.value("view") is not None)
         film.wait_for_image(3)
         film.caption("Your own town and track, in the browser", 3.0)
-        town(film)
         track(film)
     print(f"{FILE}: {FILE.stat().st_size / 1e6:.1f} MB")
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import autodrive
@@ -240,3 +241,12 @@ def test_the_map_is_exported_for_map_server(server: Server, simulation: Simulati
         again = simulation.world.map.track
         assert given is not None and again is not None  # noqa: PT018
         assert again.length == pytest.approx(given.length, rel=0.02)
+
+
+def test_a_draft_whose_walls_cross_is_exported(server: Server, simulation: Simulation) -> None:
+    with native_client(server) as it:
+        it.ask("EditTrack", track={"points": [[0.0, 0.0], [9.0, 6.0], [9.0, 0.0], [0.0, 6.0]]})
+        answer = it.ask("ExportMap", resolution=0.05)
+        assert {0, 254} < {*np.unique(decode_png(answer["picture"])).tolist()}
+        it.ask("EditTrack", track={"points": [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.05]], "width": 1.0})
+        assert it.ask("ExportMap", resolution=0.05)["type"] == "Response"

@@ -187,7 +187,9 @@ def solid_and_free(track: Track, resolution: float) -> tuple[BaseGeometry, BaseG
     right, left = (shapely.Polygon(edge).buffer(0) for edge in track.edges)
     free = shapely.symmetric_difference(right, left)
     if track.walls:
-        free = functools.reduce(shapely.symmetric_difference, map(shapely.Polygon, track.walls))
+        # the walls of a draft may cross themselves
+        rings = (shapely.make_valid(shapely.Polygon(wall)) for wall in track.walls)
+        free = functools.reduce(shapely.symmetric_difference, rings)
     return shapely.difference(shapely.buffer(free, max(track.barrier.width, 2.0 * resolution)), free), free
 
 
