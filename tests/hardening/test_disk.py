@@ -41,6 +41,7 @@ from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.film.video import Video
 from autodrive.recording.plot import plot
 from autodrive.run import RunOptions, simulate
+from autodrive.run.own_files import UserFiles
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.tracks.tables import write_centre_line
 from autodrive.scenario.tracks.track import Track
@@ -86,7 +87,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "world/racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
     "experiments/envs/race_tracks.py": (
-        lambda folder: race_tracks.write_tracks(1, 1, ((1.4, 1.4), (40.0, 40.0)), folder),
+        lambda folder: race_tracks.write_tracks(1, 1, ((1.4, 1.4), (40.0, 40.0)), race_tracks.AREA, folder),
         ("track_0.yaml",),
     ),
     "experiments/campaigns/runs.py": (
@@ -108,6 +109,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: plot(recorded(), ["V1/throttle"], folder / "plot.svg"),
         ("plot.svg",),
     ),
+    "run/own_files.py": (lambda folder: UserFiles(folder).save("own", "title: Own", replaces=True), ("own.yaml",)),
 }
 """Likewise, for what is not a command of `autodrive`."""
 CACHES = {"base/jit.py", "graphics/meshes/store.py"}

@@ -8,7 +8,20 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from autodrive.base.token_bucket import TokenBucket
-from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay, SetWeather
+from autodrive.protocol.messages import (
+    CloseLoop,
+    EditMap,
+    EditTrack,
+    GenerateTrack,
+    LoadScenario,
+    Reset,
+    Seek,
+    SetSceneLight,
+    SetSpeed,
+    SetTimeOfDay,
+    SetWeather,
+    UseMap,
+)
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera, ViewSensor
 
 MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
@@ -16,8 +29,9 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
-CLIENT_BURST = 1.0
-"""What the requests of one client may use at once [s], for example several edits in a row; its share is the same."""
+MAP_EDITS, CLIENT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 1.0
+"""Such requests of one client may use that time at once [s]: a person makes several edits in a row. Its share is the
+same, and other requests wait for their share each."""
 
 REPLACED = (
     Reset,
@@ -71,6 +85,13 @@ class RequestQueue:
         else:
             self._entries.append(Entry(request.operation, [request.id], size))
         return True
+
+    def pay(self, operation: ServerOperation, work: float, now: float) -> None:
+        """An operation took that time [s] and has just ended: the next one waits for its share."""
+        saved = self.limit.tokens(now) - SHARE * work  # before the operation
+        if not isinstance(operation, MAP_EDITS):
+            self.limit.take(max(saved, 0.0))
+        self.limit.take(work)
 
     @property
     def is_idle(self) -> bool:

@@ -253,8 +253,7 @@ class Requests:
             one.queue.is_busy = False
             if is_limited:
                 work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-                one.queue.limit.tokens(now)
-                one.queue.limit.take(work)
+                one.queue.pay(entry.operation, work, now)
         if is_limited and not is_of_server:
             self._limit.tokens(now)
             self._limit.take(entry.ended - entry.started)
