@@ -22,10 +22,10 @@ export function sensorView(
     title: 'Depth or labels of a camera, as the simulator renders them. It costs processor time only while it is shown',
   })
   const canvas = h('canvas', { width: 320, height: 180, role: 'img', testid: 'hud-sensor-view-image' })
-  const state = h('span', { class: 'preview-state' })
+  const state = h('span', { class: 'sensor-view-state', role: 'status' })
   const scale = rangeScale('Depth', store.depthFarthest)
   const labels = h('ul', { class: 'label-colours', testid: 'label-colours' })
-  const figure = h('figure', { class: 'preview sensor-view', hidden: true }, canvas, state, scale, labels)
+  const figure = h('figure', { class: 'sensor-view', hidden: true }, canvas, state, scale, labels)
   const element = h('div', { class: 'sensor-views' }, select, figure)
   let isShown = false
   let isAsked = false
