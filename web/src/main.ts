@@ -148,7 +148,8 @@ canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, tra
 const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture)
 document.body.append(...edit(store, editor, view, save))
-document.body.append(...build(store, builder, editor, view, { openFiles, userFiles, save, mayDiscard: mayDiscardMap }))
+const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
+document.body.append(...build(store, builder, editor, view, files, vehicleEvents))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())

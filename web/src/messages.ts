@@ -905,6 +905,7 @@ export interface MapProblem {
   y: number
   parts: (string)[]
   repair: Record<string, MapModule | MapWall | MapBlock | MapProp>
+  vehicle: string
 }
 
 /**

@@ -21,8 +21,9 @@ import { Editor } from '../src/editing/editor'
 import type { Projection } from '../src/editing/outline'
 import type { EditMap, MapModule, MapPort, MapScene, ModuleScene } from '../src/messages'
 import { build } from '../src/panels/build'
+import { VehicleEvents } from '../src/panels/vehicle_events'
 import type { Store } from '../src/store'
-import { connectedPage, frameOf, sceneOf, statusOf } from './support'
+import { connectedPage, frameOf, sceneOf, statusOf, vehicleOf } from './support'
 
 const HALF = Math.PI / 2
 const above: Projection = (x, y) => [400 + 100 * x, 300 - 100 * y]
@@ -68,18 +69,14 @@ function page(map: MapScene = mapOf()) {
   const actions = new Actions(it.store, it.connection)
   const builder = new Builder(it.store, actions)
   const editor = new Editor(it.store, actions)
-  document.body.append(
-    ...build(it.store, builder, editor, () => null, {
-      userFiles: new UserFiles(it.store, actions),
-      openFiles: async () => {},
-      save: yes,
-      mayDiscard: yes,
-    }),
-  )
+  const userFiles = new UserFiles(it.store, actions)
+  const files = { userFiles, openFiles: async () => {}, save: yes, mayDiscard: yes }
+  const vehicleEvents = new VehicleEvents()
+  document.body.append(...build(it.store, builder, editor, () => null, files, vehicleEvents))
   listenToBuildKeys(it.store, builder, editor, () => {})
   it.store.isBuilding.value = true
   opened.push(it.store)
-  return { ...it, builder }
+  return { ...it, builder, vehicleEvents }
 }
 
 function press(code: string, options: KeyboardEventInit = {}): void {
@@ -307,7 +304,7 @@ test('the palette is searched and shows what fits; problems have a place and a r
   const text = "placement 1 'road': port 'east' is not connected. Place a module with a port at (0.3, 0)"
   const { builder, socket } = page({
     ...map,
-    problems: [{ kind: 'unconnected', text, x: 0.3, y: 0, parts: ['road'], repair }],
+    problems: [{ kind: 'unconnected', text, x: 0.3, y: 0, parts: ['road'], repair, vehicle: '' }],
   })
   const visible = () =>
     [...document.querySelectorAll<HTMLElement>('.piece')].filter((one) => !one.hidden).map((one) => one.dataset.piece)
@@ -326,6 +323,24 @@ test('the palette is searched and shows what fits; problems have a place and a r
   expect(builder.selected.value).toEqual(['road'])
   leave.click()
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: repair })
+})
+
+test('advice on a vehicle beside the road stays until the vehicle is back on a road', () => {
+  const outside = { kind: 'outside', text: "'V1' is off", x: 0, y: 0, parts: [], repair: {}, vehicle: 'V1' }
+  const { socket, vehicleEvents } = page({ ...mapOf(), advice: [outside] })
+  const event = { vehicle: 'V1', time: 1, position: new Float64Array(3) }
+  const shown = (x: number) => {
+    const { pose, ...rest } = vehicleOf()
+    const position = new Float64Array([x, 0, 0])
+    socket.receive(frameOf([], { vehicles: { V1: { ...rest, pose: { ...pose, position } } } }))
+    socket.receive(statusOf({}))
+    return document.querySelectorAll('.problems li').length
+  }
+  expect(shown(0)).toBe(1)
+  vehicleEvents.add([{ type: 'OffRoad', ...event }])
+  expect(shown(0.6)).toBe(1)
+  vehicleEvents.add([{ type: 'BackOnRoad', ...event }])
+  expect(shown(0.7)).toBe(0)
 })
 
 test('undo and redo are those of the simulator, and Edit mode ends', () => {

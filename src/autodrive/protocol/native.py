@@ -289,6 +289,8 @@ class MapProblem(msgspec.Struct, frozen=True):
     y: float
     parts: list[str]
     repair: dict[str, MapPart]
+    vehicle: str = ""
+    """Of 'outside'."""
 
 
 class MapScene(msgspec.Struct, frozen=True):

@@ -375,9 +375,10 @@ export class Builder {
   }
 
   /** Shows where a problem is. */
-  show({ x, y, parts }: MapProblem): void {
+  show({ x, y, parts, vehicle }: MapProblem): void {
     this.select(...parts.slice(-1))
-    this.actions.view?.lookAt(x, y)
+    const at = this.store.frame.value?.vehicles[vehicle]?.pose.position ?? [x, y]
+    this.actions.view?.lookAt(at[0], at[1])
   }
 
   repair({ repair }: MapProblem): Promise<boolean> {

@@ -12,11 +12,12 @@ import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
 import { saveMap } from './save_dialog'
+import type { VehicleEvents } from './vehicle_events'
 
 /** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
 const NARROW = 719
 const DEGREE = Math.PI / 180
-/** A vehicle that has moved farther stands elsewhere [m]. */
+/** A vehicle that has moved farther is elsewhere [m]. */
 const NEAR = 0.05
 
 /** How files of the user are opened and saved. */
@@ -36,10 +37,11 @@ export function build(
   editor: Editor,
   view: () => SceneView | null,
   files: Files,
+  vehicleEvents: VehicleEvents,
 ): HTMLElement[] {
   const isPanelOpen = new Observable(innerWidth > NARROW)
   const buttons = bar(store, builder, editor, isPanelOpen, files)
-  const details = panel(store, builder, view, isPanelOpen, files)
+  const details = panel(store, builder, view, isPanelOpen, files, vehicleEvents)
   const show = (): void => {
     const isBuilding = store.isBuilding.value
     buttons.hidden = !isBuilding
@@ -129,13 +131,14 @@ function panel(
   view: () => SceneView | null,
   isPanelOpen: Observable<boolean>,
   files: Files,
+  vehicleEvents: VehicleEvents,
 ): HTMLElement {
   return h(
     'aside',
     { class: 'panel menu edit build', id: 'build', testid: 'build', 'aria-label': 'Build' },
     selection(store, builder),
     pieces(store, builder, view, isPanelOpen),
-    problems(store, builder),
+    problems(store, builder, vehicleEvents),
     start(store, builder, files),
   )
 }
@@ -283,16 +286,16 @@ function selection(store: Store, builder: Builder): HTMLElement {
 }
 
 /** What is wrong with the map, with the place and, where it is known, the repair. */
-function problems(store: Store, builder: Builder): HTMLElement {
+function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents): HTMLElement {
   const list = h('ul', { class: 'problems', testid: 'build-problems' })
   const element = section('Problems', list)
   const heading = element.querySelector('h2')
-  /** Whether a vehicle still stands where the advice says so. */
-  const isTrue = ({ kind, x, y }: MapProblem): boolean =>
-    kind !== 'outside' ||
-    Object.values(store.frame.value?.vehicles ?? {}).some(
-      ({ pose }) => Math.hypot(pose.position[0] - x, pose.position[1] - y) < NEAR,
-    )
+  /** Whether a vehicle of the advice is still off the road: it stands where it stood, or has not come back. */
+  const isTrue = ({ kind, x, y, vehicle }: MapProblem): boolean => {
+    if (kind !== 'outside') return true
+    const at = store.frame.value?.vehicles[vehicle]?.pose.position
+    return !!at && (Math.hypot(at[0] - x, at[1] - y) < NEAR || vehicleEvents.isOffRoad(vehicle))
+  }
   let shown: readonly MapProblem[] | null = null
   const show = (): void => {
     const map = store.scene.value?.map_scene

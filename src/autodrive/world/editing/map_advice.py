@@ -40,4 +40,4 @@ def _outside(world: World) -> Iterator[MapProblem]:
         x, y, _ = vehicle.pose.position
         if not is_inside(world.map.drivable_edges, x, y):
             text = f"'{name}' stands beside the drivable area. Select a road and place the vehicle there."
-            yield MapProblem("outside", text, float(x), float(y), [], {})
+            yield MapProblem("outside", text, float(x), float(y), [], {}, name)
