@@ -1,4 +1,6 @@
-"""Makes the film of builder.md in the page: a track is built, saved and driven on: `uv run docs/builder_film.py`.
+"""Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
+
+`uv run docs/builder_film.py town film.webm` writes one part only, to another file.
 
 The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
 """
@@ -18,10 +20,11 @@ from typing import Any
 
 import numpy as np
 import simplejpeg
-from playwright.sync_api import Page, sync_playwright
+from numpy.typing import NDArray
+from playwright.sync_api import Locator, Page, sync_playwright
 
 from autodrive import Command
-from autodrive.protocol.messages import Pause, Step
+from autodrive.protocol.messages import Pause, SetTrafficLight, Step, TrafficLightState
 from autodrive.recording.film.video import Video
 from autodrive.run.options import RunOptions
 from autodrive.run.runner import RunObserver, opened
@@ -29,6 +32,8 @@ from autodrive.world.simulation import Simulation
 
 HERE = Path(__file__).parent
 FILE = HERE / "builder.webm"
+STOP = 0.95, 1.15
+"""y of the car when it brakes at a red light, north of the crossing [m]."""
 SIZE = 1024, 640
 RATE = 5
 """Images per second of the film."""
@@ -66,14 +71,13 @@ class Film:
 
     def value(self, expression: str) -> Any:
         """The value of an expression about the page."""
-        return self.page.evaluate(f"() => autodrive.{expression}")
+        return self.page.evaluate(f"() => (({{ store, view }}) => {expression})(autodrive)")
 
     def wait(self, condition: Callable[[], object]) -> None:
-        """Wait until the page is so far; fails after two minutes."""
-        end = time.monotonic() + 60.0
+        """Wait until the page is so far; fails after three minutes."""
+        end = time.monotonic() + 180.0
         while not condition():
             if time.monotonic() > end:
-                self.page.screenshot(path="/tmp/film_failed.png")
                 raise TimeoutError("the page did not get that far")
             self.page.wait_for_timeout(30)
 
@@ -81,7 +85,7 @@ class Film:
         """Wait until the 3D view has shown that many more images."""
         before, end = (
             self.value("store.imageCount.value"),
-            time.monotonic() + 3.0,
+            time.monotonic() + 0.7,
         )  # nothing is drawn if nothing changes
         self.wait(lambda: self.value("store.imageCount.value") >= before + count or time.monotonic() > end)
 
@@ -109,7 +113,10 @@ class Film:
 
     def click(self, id: str) -> None:
         """Click a button of the page."""
-        element = self.page.get_by_test_id(id)
+        self.click_at(self.page.get_by_test_id(id))
+
+    def click_at(self, element: Locator) -> None:
+        """Click an element."""
         element.scroll_into_view_if_needed()
         box = element.bounding_box()
         assert box is not None
@@ -122,6 +129,27 @@ class Film:
         """Where a point of the map is on the screen."""
         found = self.page.evaluate("([x, y]) => autodrive.view.screenPoint(x, y, 0)", [x, y])
         return found[0], found[1]
+
+    def click_map(self, x: float, y: float) -> None:
+        """Click on a point of the map."""
+        self.point(*self.screen(x, y))
+        self.page.mouse.click(*self._at)
+        self.wait_for_image()
+        self.take()
+
+    def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
+        """Do something that edits the map, and show the new map."""
+        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene.parts)]"
+        before = self.value(edits)
+        act()
+        self.wait(lambda: self.value(edits) != before)
+        self.wait_for_image()
+        self.take(seconds)
+
+    def press(self, key: str) -> None:
+        """Press a key for the piece in hand."""
+        self.wait(lambda: self.page.get_by_test_id("build-set").is_enabled())
+        self.page.keyboard.press(key)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Drag from one point of the map to another."""
@@ -161,6 +189,103 @@ def gap_follower(simulation: Simulation) -> Callable[[], Command]:
     return command
 
 
+def lane_follower(simulation: Simulation) -> Callable[[], Command]:
+    """Pure pursuit along the lanes, straight ahead at a crossing; it stops before a red light."""
+    graph = simulation.world.map.lane_graph
+    throttle, at = 0.0, None
+
+    def command() -> Command:
+        nonlocal throttle, at
+        vehicle = simulation.frame.vehicles["V1"]
+        x, y, _ = vehicle.pose.position
+        w, _, _, z = vehicle.pose.orientation
+        yaw = 2.0 * math.atan2(z, w)
+        near = graph.nearest(x, y, yaw) if at is None else None
+        at = graph.lanes[near.lane] if near else at
+        assert at is not None
+        path = [at]
+        while len(path) < 4:
+            heading = _heading(path[-1].points[-2:])
+            following = [graph.lanes[i] for i in path[-1].successors]
+            path.append(min(following, key=lambda one: _turn(_heading(one.points[[0, -1]]) - heading)))
+        if np.hypot(*(path[1].points - (x, y)).T).min() < 0.02:
+            at = path[1]
+        points = np.vstack([one.points for one in path])
+        distance = np.hypot(*(points - (x, y)).T)
+        start = int(distance[: len(points) // 2].argmin())
+        goal = points[start + int(np.argmax(distance[start:] > 0.3))]
+        bearing = math.atan2(goal[1] - y, goal[0] - x) - yaw
+        curvature = 2.0 * math.sin(bearing) / math.hypot(goal[0] - x, goal[1] - y)
+        is_red = any(one.state == TrafficLightState.RED for one in simulation.frame.traffic_lights.values())
+        throttle += max(-0.02, min(0.02, (0.0 if is_red and STOP[0] < y < STOP[1] and x < 0.1 else 0.8) - throttle))
+        return Command(throttle, max(-1.0, min(1.0, math.atan(0.14154 * curvature) / math.radians(30.0))))
+
+    return command
+
+
+def _heading(points: NDArray[np.float64]) -> float:
+    return math.atan2(*(points[-1] - points[0])[::-1])
+
+
+def _turn(angle: float) -> float:
+    return abs(math.remainder(angle, 2.0 * math.pi))
+
+
+def town(film: Film) -> None:
+    """A figure eight of roads with a traffic light, and a car that drives on it."""
+    page, simulation = film.page, film.simulation
+    film.caption("A town: start from an empty lawn")
+    film.click("build-button")
+    film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
+    film.edit(lambda: page.get_by_test_id("build-template").select_option("empty"), 0.2)
+    page.get_by_test_id("build-search").scroll_into_view_if_needed()
+    page.evaluate("() => autodrive.view.showArea(-0.6, 0, 4.4)")
+    film.wait_for_image(3)
+    film.take(1.0)
+    film.caption("Take a piece, and click", 1.0)
+    film.click("piece-four_way_intersection")
+    film.edit(lambda: film.click_map(0.0, 0.0))
+    page.keyboard.press("Escape")
+    x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
+    film.caption("Click an open end (green): the pieces that fit are offered", 1.0)
+    film.click_map(x + 0.7, y)
+    film.take(1.5)
+    film.click("piece-curved_road")
+    film.caption("Enter sets the piece; R and M turn and mirror it", 0.8)
+    for _ in range(2):
+        film.edit(lambda: film.press("Enter"))
+    film.caption("C closes the loop", 1.0)
+    film.edit(lambda: film.press("c"))
+    film.caption("The list of problems has the other open ends", 1.0)
+    close = page.get_by_test_id("build-problems").get_by_text("Close the loop").first
+    close.scroll_into_view_if_needed()
+    film.take(1.0)
+    film.edit(lambda: film.click_at(close), 1.5)
+    film.caption("Signs and traffic lights", 0.5)
+    page.get_by_test_id("build-search").fill("light")
+    film.click("piece-sign-traffic_light")
+    for _ in range(6):
+        film.press("r")
+        film.take()
+    film.edit(lambda: film.click_map(x - 0.58, y - 0.58))
+    page.keyboard.press("Escape")
+    page.get_by_test_id("build-search").fill("")
+    film.caption("Place the car on a road", 0.5)
+    film.click_map(x + 0.2, y + 1.2)
+    film.edit(lambda: film.click("build-car"), 1.0)
+    film.click("build-done")
+    (light,) = simulation.frame.traffic_lights
+    simulation.request(SetTrafficLight(light, TrafficLightState.RED)).result()
+    page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
+    film.wait_for_image(3)
+    film.caption("Drive: the car stops at the red light", 0.5)
+    follow = lane_follower(simulation)
+    film.drive(5.0, follow, speed=1.5)
+    simulation.request(SetTrafficLight(light, TrafficLightState.GREEN)).result()
+    film.caption("Drive: the light is green", 0.2)
+    film.drive(8.0, follow, speed=2.2)
+
+
 def track(film: Film) -> None:
     """A race track by points, and a car that laps it with its LIDAR."""
     page, simulation = film.page, film.simulation
@@ -198,6 +323,8 @@ def track(film: Film) -> None:
 
 def main() -> None:
     """Write the film."""
+    parts = [part for part in (town, track) if part.__name__ in (sys.argv[1:2] or ["town", "track"])]
+    file = Path(sys.argv[2]) if len(sys.argv) > 2 else FILE
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         sys.exit("the film needs a browser: sudo apt-get install chromium")
@@ -213,12 +340,13 @@ def main() -> None:
         page = window.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
         page.add_init_script(OVERLAY)
         page.goto(f"{run.link}?quality=low#menu=0&hud=0")
-        film = Film(page, stack.enter_context(Video(FILE, SIZE, RATE)), run.simulation)
+        film = Film(page, stack.enter_context(Video(file, SIZE, RATE)), run.simulation)
         film.wait(lambda: film.value("view") is not None)
         film.wait_for_image(3)
         film.caption("Your own town and track, in the browser", 3.0)
-        track(film)
-    print(f"{FILE}: {FILE.stat().st_size / 1e6:.1f} MB")
+        for part in parts:
+            part(film)
+    print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":
