@@ -26,7 +26,8 @@ def features(number):
     car = nigels[number]
     yaw = car.orientation_euler_angles[2]
     road = round(yaw / (0.5 * math.pi)) * 0.5 * math.pi  # direction of the road
-    along, right = turned(*car.position[:2], road) * (1.0, -1.0)
+    east, north, _ = car.position
+    along, right = turned(east, north, road) * (1.0, -1.0)
     x, y = turned(GOAL - along, right - LANES, yaw - road)
     seen = {
         "speed": car.speed / 0.5,
@@ -40,7 +41,8 @@ def features(number):
     }
     for k in range(1, 4):
         other = nigels[(number + k) % 4]
-        x, y = turned(*(other.position - car.position)[:2], yaw)
+        east, north, _ = other.position - car.position
+        x, y = turned(east, north, yaw)
         turn = other.orientation_euler_angles[2] - yaw
         said = {"x": x / 4.0, "y": y / 4.0, "cos": math.cos(turn), "sin": math.sin(turn), "speed": other.speed / 0.5}
         seen |= {f"peer_{k}_{name}": one for name, one in said.items()} | {f"peer_{k}_age": 0.0}

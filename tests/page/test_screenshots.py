@@ -7,7 +7,7 @@ import os
 from autodrive.protocol.messages import Command, Headlights, Pause, SetSceneLight, Step
 from tests.support.page import ROOT, NewTab, PageServer, Tab
 
-CAMERAS = ["Driver's Eye", "Bird's Eye", "God's Eye", "Orbit"]
+CAMERAS = ["Driver's Eye", "Bird's Eye", "God's Eye", "Orbit", "Fly"]
 FOLDER = ROOT / "test-artefacts" / "page"
 QUALITY = os.environ.get("PAGE_PICTURES", "low")
 """Quality of the screenshots; 'high' also uses a full-size window and takes minutes with software rendering."""
