@@ -356,7 +356,10 @@ test('a piece that was offered at an open end is there again when the pointer ha
   builder.leave()
   document.querySelector<HTMLElement>('[data-piece="straight"]')?.click()
   press('Enter')
-  expect(socket.request).toMatchObject({ type: 'EditMap', parts: { straight_1: { module: 'straight', y: expect.closeTo(0) } } })
+  expect(socket.request).toMatchObject({
+    type: 'EditMap',
+    parts: { straight_1: { module: 'straight', y: expect.closeTo(0) } },
+  })
   builder.take('straight', [2, 2]) // not for an end: it stays where the pointer was
   builder.moveTo([3, 2], [700, 100], above, false)
   builder.leave()
