@@ -325,6 +325,7 @@ def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new
     move((on_screen(tab, 0.0, 0.9), on_screen(tab, 0.0, 0.3)))
     tab.wait_until(lambda: parts(tab)["straight_road_1"]["y"] == pytest.approx(0.3, abs=0.1))
     before = yaw_of(tab, "straight_road_1")
+    tab.wait_until(lambda: tab.get("build-set").is_disabled())  # the piece is not in hand any more
     tab.get("build-turn").tap()
     tab.wait_until(lambda: math.cos(yaw_of(tab, "straight_road_1") - before) == pytest.approx(0.0, abs=1e-6))
     tab.get("build-remove").tap()
