@@ -43,7 +43,7 @@ from autodrive.base.yaml_files import names
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.task import Observation
 from autodrive.experiments.policies import Memory, Policy
-from autodrive.experiments.policies.policy import OUTPUTS
+from autodrive.experiments.policies.policy import OUTPUTS, Drivers
 from autodrive.experiments.policies.racer import INPUTS, drive_laps
 from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
 
@@ -262,7 +262,7 @@ class Rivals:
         self.is_learner = np.ones(ENVS, np.bool_)
         self._readings, self._envs = readings, envs
         self._rows: dict[str, np.ndarray] = {}
-        self._policies: dict[str, tuple[Policy, Memory]] = {}
+        self._policies: dict[str, Drivers] = {}
         for name, count in problem.rivals.items():
             first = 1 + 2 * sum(map(len, self._rows.values()))
             self._rows[name] = np.arange(first, first + 2 * count, 2)
@@ -275,26 +275,23 @@ class Rivals:
     def use(self, name: str, policy: Policy) -> None:
         """Let a policy drive in the worlds of that name."""
         if name in self._rows:
-            self._policies[name] = policy, Memory(policy.inputs, self._readings, len(self._rows[name]))
+            self._policies[name] = Drivers(policy, self._readings, len(self._rows[name]))
 
     def add(self, observation: np.ndarray) -> None:
         """What all cars see one step later."""
-        for name, (_, memory) in self._policies.items():
-            memory.add(observation[self._rows[name]])
+        for name, drivers in self._policies.items():
+            drivers.add(observation[self._rows[name]])
 
     def begin(self, observation: np.ndarray, cars: np.ndarray) -> None:
         """The episodes of some cars begin; `observation`: of all of them."""
-        for name, (_, memory) in self._policies.items():
+        for name, drivers in self._policies.items():
             rows = self._rows[name][cars[self._rows[name]]]
-            memory.begin(observation[rows], cars[self._rows[name]])
+            drivers.begin_episodes(observation[rows], cars[self._rows[name]])
 
     def drive(self, commands: np.ndarray) -> None:
         """Write their commands."""
-        for name, (policy, memory) in self._policies.items():
-            outputs, (low, high) = policy.outputs(memory.inputs), policy.throttle
-            memory.put_out(outputs)
-            throttle = low + (high - low) * 0.5 * (outputs[:, 0] + 1.0)
-            commands[self._rows[name]] = np.column_stack([throttle, outputs[:, 1]])
+        for name, drivers in self._policies.items():
+            commands[self._rows[name]] = drivers.commands()
         if GAP in self._rows:
             scans = self._envs.batch.readings.lidar_ranges.reshape(ENVS, -1)
             angles = np.radians(np.linspace(-135.0, 135.0, scans.shape[1]))

@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.policy import Pace
+from autodrive.experiments.policies.racer import drive_laps
 
-EXAMPLE = str(Path(__file__).parents[3] / "examples" / "learning" / "ppo.py")
+LEARNING = Path(__file__).parents[3] / "examples" / "learning"
+EXAMPLE = str(LEARNING / "ppo.py")
 
 
 @pytest.mark.slow
@@ -174,3 +177,52 @@ def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
     assert driven == laps
     clean = "clean laps on all tracks after 3.6 min, 3 steps"  # 20 + 3 * 40 + 3 * 25 s
     assert (clean in capsys.readouterr().out) == (len(laps) == 3)
+
+
+def test_the_risk_of_known_rates_is_found() -> None:
+    """8000 episodes whose times until a collision are drawn with known coefficients."""
+    example: Any = runpy.run_path(str(LEARNING / "pace.py"))
+    rng, known = np.random.default_rng(1), np.array([-6.0, 1.5, 1.0, 2.0, 5.0, 0.0, 0.2, -15.0])
+    drawn = rng.uniform((0.7, 0.75, 0.0, 0.0, 0.95), (1.25, 1.25, 2.0, 0.055, 1.3), (8000, 5))
+    until = rng.exponential(np.exp(5.0 - example["quantities"](drawn) @ known))
+    risk = example["fit"](np.column_stack([drawn, np.minimum(until, 60.0), until < 60.0]))
+    assert np.all(np.abs(risk.coefficients - known) < 4.0 * risk.errors)
+    assert np.all(risk.errors < (1.0, 1.0, 0.5, 3.0, 5.0, 0.4, 0.1, 1.0))
+    slowness = risk.slowness(np.array([[1.0, 1.0, 0.3, 0.0], [0.8, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.04]]))
+    expected = [1.0, np.exp((-6.0 * np.log(0.8) + 2.0 * np.log(0.8) ** 2) / 15.0), np.exp(1.0 / 15.0)]
+    assert slowness == pytest.approx(expected, abs=0.02)
+
+
+def test_what_learns_a_pace_estimates_as_the_policy_does() -> None:
+    import jax  # as above
+
+    example: Any = runpy.run_path(str(LEARNING / "pace.py"))["estimates"].__globals__
+    example["STRIDE"] = 1
+    network = example["eqx"].nn.MLP(len(example["INPUTS"]), 2, 16, 2, jax.numpy.tanh, key=jax.random.PRNGKey(2))
+    layers = tuple((np.asarray(one.weight), np.asarray(one.bias)) for one in network.layers)
+    scale, keep, slowest = example["SCALE"], example["KEEP"], example["SLOWEST"]
+    pace = Pace(example["INPUTS"], tuple(scale.tolist()), (0.5, slowest), keep, layers)
+    felt = np.random.default_rng(3).uniform(-4.0, 4.0, (30, len(scale)))
+    sums, expected = np.array([[slowest, 1.0]]), []
+    for row in felt:
+        sums = keep * sums + pace.evidence(row[None])
+        expected.append(sums[0, 0] / sums[0, 1])
+    found = example["estimates"](network, jax.numpy.asarray(felt * scale, jax.numpy.float32))
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-4)  # float32
+
+
+@pytest.mark.slow
+def test_a_policy_gets_a_pace_and_drives_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    example: Any = runpy.run_path(str(LEARNING / "pace.py"))["main"].__globals__
+    small = {"CARS": 4, "WINDOW": 5, "UPDATES": 3, "TRACKS": (({"tracks": 2}, 1.0),)}
+    for name, value in small.items():
+        monkeypatch.setitem(example, name, value)
+    file = tmp_path / "runs" / "policy.npz"
+    monkeypatch.setattr("sys.argv", ["pace.py", "race", "--minutes", "0.05", "--output", str(file)])
+    example["main"]()
+    policy = Policy.load(file)
+    assert policy.pace is not None
+    assert policy.training["pace"]["minutes"] == 0.05
+    before = Policy.find("race")
+    assert all(np.array_equal(*pair) for pair in zip(before.layers[0], policy.layers[0], strict=True))
+    assert drive_laps(policy, "practice", 1, limit=2.0).status

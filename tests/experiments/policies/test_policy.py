@@ -23,7 +23,7 @@ from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies import Memory, Policy
-from autodrive.experiments.policies.policy import Driver
+from autodrive.experiments.policies.policy import Driver, Drivers, Pace
 from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
@@ -161,7 +161,8 @@ def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]]
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda about, arrays: about.update(format=2), "its format is 2; this version reads 1"),
+        (lambda about, arrays: about.update(format=3), "its format is 3; this version reads 1 and 2"),
+        (lambda about, arrays: about.update(format=2), "is not a policy: 'pace'"),
         (lambda about, arrays: about.pop("inputs"), "is not a policy: 'inputs'"),
         (lambda about, arrays: about.update(scale=[1.0]), "57 inputs needs as many scales, not 1"),
         (lambda about, arrays: about.update(throttle=[0.0]), "is not a policy"),
@@ -194,6 +195,124 @@ def test_other_files_are_no_policies(tmp_path: Path) -> None:
         file.write_bytes(data)
         with pytest.raises(AutodriveError, match="is not a policy"):
             Policy.load(file)
+
+
+PACE_INPUTS = ("yaw_rate", "wheel_speed@3", "steer@1", "throttle@2")
+
+
+def random_pace(seed: int = 3, keep: float = 0.9) -> Pace:
+    rng = np.random.default_rng(seed)
+    weight, last = rng.normal(0.0, 0.5, (8, 4)).astype(np.float32), rng.normal(0.0, 0.2, (2, 8)).astype(np.float32)
+    layers = (weight, np.zeros(8, np.float32)), (last, np.array([1.1, -1.0], np.float32))
+    return Pace(PACE_INPUTS, (0.3, 0.2, 1.0, 4.0), (0.9, 1.3), keep, layers)
+
+
+def test_a_pace_makes_the_policy_slower_by_the_weighted_mean_of_its_estimates() -> None:
+    """Two cars whose episodes begin at different times, against sums of matrices in NumPy, and `Policy.slower`."""
+    inputs, pace = (*INPUTS, "wheel_speed@2", "yaw_rate@1", "drive@1"), random_pace()
+    policy = random_policy(inputs=inputs)
+    drivers = Drivers(replace(policy, pace=pace), INPUTS, 2)
+    rng = np.random.default_rng(7)
+    seen: list[list[np.ndarray]] = [[], []]
+    done: list[list[tuple[float, ...]]] = [[], []]
+    drives: list[list[float]] = [[], []]
+    found = []
+    for step in range(40):
+        readings = rng.uniform(0.0, 4.0, (2, len(INPUTS)))
+        if step == 0:
+            drivers.begin_episodes(readings)
+        else:
+            drivers.add(readings)
+        if step == 15:
+            drivers.begin_episodes(readings[1:], np.array([False, True]))
+            seen[1], done[1], drives[1] = [], [], []
+        commands = drivers.commands()
+        for car in range(2):
+            seen[car].append(readings[car])
+            total, weights = pace.slowness[1] * pace.keep ** len(seen[car]), pace.keep ** len(seen[car])
+            for at in range(len(seen[car])):
+                given = np.array(
+                    [
+                        seen[car][at][INPUTS.index("yaw_rate")],
+                        seen[car][max(at - 3, 0)][INPUTS.index("wheel_speed")],
+                        done[car][at - 1][1] if at >= 1 else 0.0,
+                        done[car][at - 2][0] if at >= 2 else 0.0,
+                    ]
+                )
+                (first, _), (last, bias) = pace.layers
+                value, log_weight = last.astype(float) @ np.tanh(first.astype(float) @ (given * pace.scale)) + bias
+                weight = np.exp(log_weight) * pace.keep ** (len(seen[car]) - 1 - at)
+                total, weights = total + weight * value, weights + weight
+            slowness = min(max(total / weights, 0.9), 1.3)
+            found.append(slowness)
+            assert drivers.slowness[car] == pytest.approx(slowness, rel=1e-9)
+            slower = policy.slower(slowness)
+            now = dict(zip(INPUTS, readings[car], strict=True))
+            now |= {
+                "wheel_speed@2": seen[car][max(len(seen[car]) - 3, 0)][INPUTS.index("wheel_speed")],
+                "yaw_rate@1": seen[car][max(len(seen[car]) - 2, 0)][INPUTS.index("yaw_rate")],
+                "drive@1": drives[car][-1] if drives[car] else 0.0,
+            }
+            outputs = slower.outputs(np.array([[now[name] for name in inputs]]))
+            assert commands[car] == pytest.approx(slower.commands(outputs)[0], abs=1e-9)
+            done[car].append(tuple(commands[car].tolist()))
+            drives[car].append(float(outputs[0, 0]))
+    assert min(found) == 0.9  # a limit
+    assert 1.2 < max(found) < 1.3
+
+
+def test_a_pace_that_keeps_nothing_and_one_without_evidence() -> None:
+    """Without weight it stays as it begins; of large numbers the weight is bounded."""
+    for bias, expected in ((-1e6, 1.3), (1e6, 1.0)):
+        layers = ((np.zeros((2, 4), np.float32), np.array([1.0, bias], np.float32)),)
+        pace = Pace(PACE_INPUTS, (1.0,) * 4, (0.9, 1.3), 1.0, layers)
+        drivers = Drivers(replace(random_policy(), pace=pace), INPUTS)
+        for _ in range(3):
+            drivers.act(np.ones((1, len(INPUTS))))
+        assert drivers.slowness[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_file_has_the_pace(tmp_path: Path) -> None:
+    policy = replace(random_policy(), pace=random_pace())
+    policy.save(tmp_path / "policy.npz")
+    loaded = Policy.load(tmp_path / "policy.npz")
+    assert loaded.pace is not None
+    assert policy.pace is not None
+    for name in ("inputs", "scale", "slowness", "keep"):
+        assert getattr(loaded.pace, name) == getattr(policy.pace, name)
+    for ours, theirs in zip(loaded.pace.layers, policy.pace.layers, strict=True):
+        assert all(np.array_equal(one, other) for one, other in zip(ours, theirs, strict=True))
+    assert loaded.readings == policy.readings
+    slower = loaded.slower(1.2)
+    assert slower.pace is loaded.pace
+    assert slower.throttle[1] == pytest.approx(policy.throttle[1] / 1.2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda about, arrays: about["pace"].update(slowness=[1.3, 0.9]), "slowness of a pace must be two numbers"),
+        (lambda about, arrays: about["pace"].update(slowness=[1.0]), "is not a policy"),
+        (lambda about, arrays: about["pace"].update(keep=1.5), "'keep' of a pace must be from 0 to 1, not 1.5"),
+        (lambda about, arrays: about["pace"].update(keep=float("nan")), "not finite"),
+        (lambda about, arrays: about["pace"].update(scale=[1.0]), "a pace with 4 inputs needs as many scales, not 1"),
+        (
+            lambda about, arrays: about["pace"].update(inputs=["throttle"] * 4),
+            "'throttle' of the policy is its own output",
+        ),
+        (lambda about, arrays: arrays.pop("pace_weight_1"), "the last layer of a pace has two outputs, slowness"),
+        (lambda about, arrays: arrays.update(pace_bias_0=np.full(8, np.nan)), "layer 0 of the pace has numbers"),
+    ],
+)
+def test_a_wrong_pace_is_one_line(
+    tmp_path: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None], message: str
+) -> None:
+    file = tmp_path / "policy.npz"
+    replace(random_policy(), pace=random_pace()).save(file)
+    changed(file, change)
+    with pytest.raises(AutodriveError, match=message) as error:
+        Policy.load(file)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(("grip", "throttle"), [(1.0, 0.1), (0.3, 1.0)])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Drive, Range, whole_number_errors
+from autodrive.experiments.envs.conditions import Conditions, Drawn, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.race_tracks import AREA
 from autodrive.experiments.envs.settings import MOST_CARS, Action, check_options
@@ -102,6 +102,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             render_mode=render_mode,
         )
         self._driver = Drive(self.batch, frame_skip)
+        self.drawn = np.ones((num_envs, len(Drawn._fields)))
+        """The conditions of the present episodes, shape (n, 4), in the order of `Drawn`."""
         self._rivalry = rivalry
 
     @property
@@ -125,7 +127,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         generators = [self._rngs[world] for world in worlds.tolist()]
         drawn = [self.conditions.draw(one) for one in generators if one is not None for _ in range(self.car_count)]
         weathers = [self.conditions.draw_weather(one) for one in generators if one is not None]
-        friction, mass, noise, latency = self._of_worlds(np.array(drawn)).transpose(2, 0, 1)
+        self._of_worlds(self.drawn)[worlds] = drawn = self._of_worlds(np.array(drawn))
+        friction, mass, noise, latency = drawn.transpose(2, 0, 1)
         self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)
         self._driver.reset(worlds, latency)
 

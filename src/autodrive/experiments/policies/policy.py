@@ -3,8 +3,12 @@
 A policy may read the last moments: the input `yaw_rate@2` is the reading `yaw_rate` two steps ago, and `drive@1` and
 `steer@1` are its own outputs one step ago, -1 to 1. `Memory` keeps them.
 
+A policy may have a second network, its `Pace`, which estimates from the motion of the car how much slower the policy
+must drive than it was trained to: with little grip, with latency.
+
 A file of a policy is an .npz archive (`numpy.savez`): the arrays `weight_0`, `bias_0`, `weight_1` ... of the layers,
-and `about`, JSON with the other attributes of `Policy`.
+and `about`, JSON with the other attributes of `Policy`. With a pace its format is 2: there are also `pace_weight_0`,
+`pace_bias_0` ..., and `about` has the other attributes of `Pace` under "pace".
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -28,19 +33,61 @@ from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.base.jit import jit
 from autodrive.base.suggest import suggest
 
-FORMAT = 1
+PLAIN, WITH_PACE = 1, 2
+"""Formats of a file."""
 DATA = Path(__file__).parents[2] / "scenario" / "data" / "policies"
 MOST_BYTES = 2**26
 """Largest file that is read; a policy has some 100 kB."""
 
 OUTPUTS = "drive", "steer"
 """Names of a policy's own outputs, which it may read as they were one step ago or more."""
+OWN = *OUTPUTS, "throttle"
+"""Likewise, and the throttle that it commanded, -1 to 1."""
 SPEEDS = "speed", "side_speed", "wheel_speed", "yaw_rate"
 """Features that are speeds."""
+PACE = "pace_"
+"""Before the names of the arrays of a pace."""
 LONGEST = 100
 """Steps ago of the oldest moment that a policy may read."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """A network that estimates how much slower a policy must drive, and how sure that is, from the last moments.
+
+    Its outputs are a slowness and the logarithm of a weight. The estimate is the weighted mean of the slowness in all
+    steps of an episode, of which older ones count less; it begins with the greatest slowness and the weight 1. Raises
+    `AutodriveError` for shapes and numbers that do not fit.
+    """
+
+    inputs: tuple[str, ...]
+    """As in `Policy`; own outputs may be `throttle`, too."""
+    scale: tuple[float, ...]
+    """Factor of each input."""
+    slowness: tuple[float, float]
+    """The least and the greatest one that is used; see `Policy.slower`."""
+    keep: float
+    """Factor by which the weights of the past get less in each step, 0 to 1."""
+    layers: tuple[Layer, ...]
+    """As in `Policy`."""
+
+    def __post_init__(self) -> None:
+        _check("pace", self.inputs, self.scale, self.layers, "slowness and the logarithm of its weight")
+        least, most = self.slowness
+        if not 0.1 <= least <= most <= 10.0:
+            raise AutodriveError(f"the slowness of a pace must be two numbers from 0.1 to 10, not {self.slowness}")
+        if not 0.0 <= self.keep <= 1.0:
+            raise AutodriveError(f"the factor 'keep' of a pace must be from 0 to 1, not {self.keep:g}")
+
+    def evidence(self, inputs: NDArray[Any]) -> Floats:
+        """Slowness times weight, and weight, shape (n, 2), for the numbers `inputs`, shape (n, n_input)."""
+        found = _forward(self.scale, self.layers, inputs)
+        for row in found:
+            row[1] = exp(min(max(row[1], -20.0), 20.0))
+            row[0] *= row[1]
+        return found
 
 
 @dataclass(frozen=True)
@@ -61,38 +108,36 @@ class Policy:
     training: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """How it was made: command, seed, versions, steps."""
 
+    pace: Pace | None = None
+    """By which it drives slower than this network does; None: it never does."""
+
     def __post_init__(self) -> None:
-        width = len(self.inputs)
-        if len(self.scale) != width:
-            raise AutodriveError(f"a policy with {width} inputs needs as many scales, not {len(self.scale)}")
-        moments(self.inputs)
-        for number, (weight, bias) in enumerate(self.layers):
-            if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != width:
-                raise AutodriveError(
-                    f"layer {number} of the policy has a weight of shape {weight.shape} and a bias of shape "
-                    f"{bias.shape}; {width} numbers go in"
-                )
-            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-                raise AutodriveError(f"layer {number} of the policy has numbers that are not finite")
-            width = len(bias)
-        if not self.layers or width != 2:
-            raise AutodriveError(f"the last layer of a policy has two outputs, throttle and steering, not {width}")
+        _check("policy", self.inputs, self.scale, self.layers, "throttle and steering")
 
     @property
     def readings(self) -> tuple[str, ...]:
-        """Names of the features that it reads, now or earlier."""
-        return tuple(dict.fromkeys(name for name, _ in moments(self.inputs) if name not in OUTPUTS))
+        """Names of the features that it and its pace read, now or earlier."""
+        inputs = *self.inputs, *(self.pace.inputs if self.pace else ())
+        return tuple(dict.fromkeys(name for name, _ in moments(inputs) if name not in OWN))
+
+    @cached_property
+    def is_speed(self) -> NDArray[np.bool_]:
+        """Whether each input is a speed, shape (n_input,)."""
+        return np.array([name in SPEEDS for name, _ in moments(self.inputs)])
 
     def outputs(self, inputs: NDArray[Any]) -> Floats:
         """Drive and steer, -1 to 1, shape (..., 2), for the numbers `inputs`, shape (..., n_input).
 
         The bits are the same on every processor.
         """
-        values = np.asarray(inputs, np.float64).reshape(-1, len(self.inputs)) * np.array(self.scale)
-        for weight, bias in self.layers[:-1]:
-            values = _layer(weight, bias, values, is_inner=True)
-        outputs = np.clip(_layer(*self.layers[-1], values, is_inner=False), -1.0, 1.0)
+        values = np.asarray(inputs, np.float64).reshape(-1, len(self.inputs))
+        outputs = np.clip(_forward(self.scale, self.layers, values), -1.0, 1.0)
         return outputs.reshape(*np.shape(inputs)[:-1], 2)
+
+    def commands(self, outputs: Floats) -> Floats:
+        """Throttle and steering, shape (n, 2), for outputs of that shape."""
+        low, high = self.throttle
+        return np.column_stack([low + (high - low) * 0.5 * (outputs[:, 0] + 1.0), outputs[:, 1]])
 
     def slower(self, factor: float) -> Policy:
         """The same driver with all speeds divided by `factor`.
@@ -103,25 +148,26 @@ class Policy:
         """
         if not 0.1 <= factor <= 10.0:
             raise AutodriveError(f"the factor by which a policy is slower must be from 0.1 to 10, not {factor:g}")
-        speeds = [factor if name in SPEEDS else 1.0 for name, _ in moments(self.inputs)]
-        scale = tuple(one * speed for one, speed in zip(self.scale, speeds, strict=True))
+        scale = tuple((np.array(self.scale) * np.where(self.is_speed, factor, 1.0)).tolist())
         low, high = self.throttle
         training = {**self.training, "slower": factor * self.training.get("slower", 1.0)}
         return replace(self, scale=scale, throttle=(low / factor, high / factor), training=training)
 
     def save(self, file: Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
-        about = {
-            "format": FORMAT,
+        about: dict[str, Any] = {
+            "format": WITH_PACE if self.pace else PLAIN,
             "task": self.task,
             "inputs": self.inputs,
             "scale": self.scale,
             "throttle": self.throttle,
             "training": dict(self.training),
         }
-        arrays: dict[str, NDArray[Any]] = {"about": np.array(json.dumps(about))}
-        for number, (weight, bias) in enumerate(self.layers):
-            arrays |= {f"weight_{number}": weight, f"bias_{number}": bias}
+        arrays = _named("", self.layers)
+        if self.pace:
+            about["pace"] = {name: getattr(self.pace, name) for name in ("inputs", "scale", "slowness", "keep")}
+            arrays |= _named(PACE, self.pace.layers)
+        arrays["about"] = np.array(json.dumps(about))
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **arrays)
         write_file(file, data.getvalue())
@@ -143,18 +189,17 @@ class Policy:
         try:
             arrays = _arrays(Path(file))
             about = json.loads(str(arrays["about"]))
-            count = sum(name.startswith("weight_") for name in arrays)
-            layers = tuple((_real(arrays[f"weight_{k}"]), _real(arrays[f"bias_{k}"])) for k in range(count))
-            if about["format"] != FORMAT:
-                raise ValueError(f"its format is {about['format']!r}; this version reads {FORMAT}")
+            if about["format"] not in (PLAIN, WITH_PACE):
+                raise ValueError(f"its format is {about['format']!r}; this version reads {PLAIN} and {WITH_PACE}")
             low, high = _numbers(about["throttle"])
             return cls(
                 task=str(about["task"]),
                 inputs=tuple(map(str, about["inputs"])),
                 scale=_numbers(about["scale"]),
                 throttle=(low, high),
-                layers=layers,
+                layers=_layers("", arrays),
                 training=dict(about["training"]),
+                pace=_pace(about["pace"], arrays) if about["format"] == WITH_PACE else None,
             )
         except AutodriveError as error:
             raise SpecError([f"{file}: {error}"]) from None
@@ -168,7 +213,7 @@ class Memory:
 
     def __init__(self, inputs: tuple[str, ...], readings: Sequence[str], count: int = 1) -> None:
         """`readings`: names of the numbers given to `add` and `begin`. Raises `AutodriveError` if one is missing."""
-        columns = [*readings, *OUTPUTS]
+        columns = [*readings, *OWN]
         needed = moments(inputs)
         if unknown := [name for name, _ in needed if name not in columns]:
             raise AutodriveError(f"the policy reads {unknown[0]}, which is not among its readings")
@@ -178,17 +223,18 @@ class Memory:
 
     def begin(self, readings: NDArray[Any], cars: Any = slice(None)) -> None:
         """An episode of those cars begins with these readings, shape (n, n_reading): they count for all moments."""
-        self._past[:, cars, : -len(OUTPUTS)] = readings
-        self._past[:, cars, -len(OUTPUTS) :] = 0.0
+        self._past[:, cars, : -len(OWN)] = readings
+        self._past[:, cars, -len(OWN) :] = 0.0
 
     def add(self, readings: NDArray[Any]) -> None:
         """The readings of all cars one step later, shape (count, n_reading)."""
         self._past[1:] = self._past[:-1].copy()
-        self._past[0, :, : -len(OUTPUTS)] = readings
+        self._past[0, :, : -len(OWN)] = readings
 
-    def put_out(self, outputs: NDArray[Any]) -> None:
-        """The outputs of all cars in this step, shape (count, 2)."""
-        self._past[0, :, -len(OUTPUTS) :] = outputs
+    def put_out(self, outputs: NDArray[Any], throttle: Any = 0.0) -> None:
+        """The outputs of all cars in this step, shape (count, 2), and the throttle that follows, shape (count,)."""
+        self._past[0, :, -len(OWN) : -1] = outputs
+        self._past[0, :, -1] = throttle
 
     @property
     def inputs(self) -> Floats:
@@ -203,23 +249,51 @@ class Drivers:
         """`readings`: names of the numbers given to `act`. Raises `AutodriveError` if the policy needs others."""
         self._policy = policy
         self._memory = Memory(policy.inputs, readings, count)
+        self._motion = Memory(policy.pace.inputs if policy.pace else (), readings, count)
+        self._evidence = np.zeros((count, 2))
+        self.slowness = np.ones(count)
+        """By which each car drives slower than the network, shape (count,). The pace sets it, if there is one."""
+        self.outputs = np.zeros((count, 2))
+        """Of the network in the last step, -1 to 1, shape (count, 2)."""
         self._has_begun = False
 
     def begin(self) -> None:
         """Forget everything: new episodes begin."""
         self._has_begun = False
 
+    def begin_episodes(self, readings: NDArray[Any], cars: Any = slice(None)) -> None:
+        """An episode of those cars begins with these readings, shape (n, n_reading)."""
+        for one in (self._memory, self._motion):
+            one.begin(readings, cars)
+        if self._policy.pace:
+            self._evidence[cars] = self._policy.pace.slowness[1], 1.0
+        self._has_begun = True
+
+    def add(self, readings: NDArray[Any]) -> None:
+        """The readings of all cars one step later, shape (count, n_reading)."""
+        for one in (self._memory, self._motion):
+            one.add(readings)
+
     def act(self, readings: NDArray[Any]) -> Floats:
         """Throttle and steering, -1 to 1, left positive, shape (count, 2), for the readings of one more step.
 
         `readings`: shape (count, n_reading).
         """
-        (self._memory.add if self._has_begun else self._memory.begin)(readings)
-        self._has_begun = True
-        outputs = self._policy.outputs(self._memory.inputs)
-        self._memory.put_out(outputs)
-        low, high = self._policy.throttle
-        return np.column_stack([low + (high - low) * 0.5 * (outputs[:, 0] + 1.0), outputs[:, 1]])
+        (self.add if self._has_begun else self.begin_episodes)(readings)
+        return self.commands()
+
+    def commands(self) -> Floats:
+        """Likewise, for the readings that were given."""
+        if pace := self._policy.pace:
+            self._evidence = pace.keep * self._evidence + pace.evidence(self._motion.inputs)
+            self.slowness[:] = np.clip(self._evidence[:, 0] / self._evidence[:, 1], *pace.slowness)
+        inputs = self._memory.inputs
+        self.outputs = self._policy.outputs(np.where(self._policy.is_speed, inputs * self.slowness[:, None], inputs))
+        commands = self._policy.commands(self.outputs)
+        commands[:, 0] /= self.slowness
+        for one in (self._memory, self._motion):
+            one.put_out(self.outputs, commands[:, 0])
+        return commands
 
 
 class Driver:
@@ -246,12 +320,39 @@ def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
         name, at, ago = one.partition("@")
         if at and not (ago.isdecimal() and 1 <= int(ago) <= LONGEST):
             raise AutodriveError(f"input '{one[:80]}' of the policy: after '@' come the steps ago, 1 to {LONGEST}")
-        if name in OUTPUTS and not at:
+        if name in OWN and not at:
             raise AutodriveError(
                 f"input '{name}' of the policy is its own output: it can be read one step later, '{name}@1'"
             )
         found.append((name, int(ago) if at else 0))
     return found
+
+
+def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Sequence[Layer], outputs: str) -> None:
+    """Raise `AutodriveError` unless the numbers of inputs, scales and layers fit, and there are two outputs."""
+    width = len(inputs)
+    if len(scale) != width:
+        raise AutodriveError(f"a {name} with {width} inputs needs as many scales, not {len(scale)}")
+    moments(inputs)
+    for number, (weight, bias) in enumerate(layers):
+        if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != width:
+            raise AutodriveError(
+                f"layer {number} of the {name} has a weight of shape {weight.shape} and a bias of shape "
+                f"{bias.shape}; {width} numbers go in"
+            )
+        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+            raise AutodriveError(f"layer {number} of the {name} has numbers that are not finite")
+        width = len(bias)
+    if not layers or width != 2:
+        raise AutodriveError(f"the last layer of a {name} has two outputs, {outputs}, not {width}")
+
+
+def _forward(scale: Sequence[float], layers: Sequence[Layer], inputs: NDArray[Any]) -> Floats:
+    """The outputs of a network with tanh between its layers, shape (n, 2), for inputs of the shape (n, n_input)."""
+    values = inputs * np.array(scale)
+    for weight, bias in layers[:-1]:
+        values = _layer(weight, bias, values, is_inner=True)
+    return _layer(*layers[-1], values, is_inner=False)
 
 
 @jit
@@ -265,6 +366,26 @@ def _layer(weight: NDArray[np.float32], bias: NDArray[np.float32], values: Float
                 total += weight[i, k] * values[row, k]
             outputs[row, i] = 1.0 - 2.0 / (exp(2.0 * total) + 1.0) if is_inner else total
     return outputs
+
+
+def _named(prefix: str, layers: Sequence[Layer]) -> dict[str, NDArray[Any]]:
+    """The arrays of layers, as they are called in a file."""
+    parts = "weight", "bias"
+    return {
+        f"{prefix}{part}_{k}": one for k, layer in enumerate(layers) for part, one in zip(parts, layer, strict=True)
+    }
+
+
+def _layers(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> tuple[Layer, ...]:
+    """Likewise, from a file."""
+    count = sum(name.startswith(f"{prefix}weight_") for name in arrays)
+    return tuple((_real(arrays[f"{prefix}weight_{k}"]), _real(arrays[f"{prefix}bias_{k}"])) for k in range(count))
+
+
+def _pace(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Pace:
+    least, most = _numbers(about["slowness"])
+    (keep,) = _numbers([about["keep"]])
+    return Pace(tuple(map(str, about["inputs"])), _numbers(about["scale"]), (least, most), keep, _layers(PACE, arrays))
 
 
 def _arrays(file: Path) -> dict[str, NDArray[Any]]:
