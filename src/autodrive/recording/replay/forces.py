@@ -47,6 +47,11 @@ class ForcesAgain:
                 return None
             return self._forces[i - 1] if i else {}
 
+    @property
+    def count(self) -> int:
+        """Number of moments whose forces are kept."""
+        return len(self._times)
+
     def close(self) -> None:
         """End the thread."""
         self._stop.set()
