@@ -51,7 +51,8 @@ def test_a_piece_is_shown_from_when_it_is_set_until_the_scene_shows_it(building:
     building.wait_until(lambda: placed(building) == 0)
     assert "curved_road_1" in building.value("store.shownScene.value.map_scene.parts")
     events = building.page.evaluate("() => events.slice(2)")  # without those of the watches
-    assert events[:2] == [["Scene", 1], ["shown", 1]]
+    assert events[0] == ["Scene", 1]  # it was there before the Scene came
+    assert events[1][0] == "shown"
 
 
 def test_a_piece_that_is_refused_disappears_with_the_message(plane: PageServer, building: Tab) -> None:
@@ -67,9 +68,9 @@ def test_a_piece_that_is_refused_disappears_with_the_message(plane: PageServer, 
 
 
 def test_nothing_is_drawn_while_time_stands_and_nothing_changes(plane: PageServer, new_tab: NewTab) -> None:
-    plane.request(Pause())
     tab = new_tab(size=(1000, 640), draws=True, script=COUNT).open(plane.url + "?quality=low")
     tab.wait_for_image()
+    plane.request(Pause())
     tab.click("build-button")
     tab.wait_until(lambda: tab.get("build-bar").is_visible())
 
