@@ -1,4 +1,4 @@
-"""Makes the film of builder.md: a town and a track are built, driven on and sent. `uv run docs/builder_film.py`
+"""Makes the film of builder.md: a town and a track are built, driven on and sent. `uv run docs/builder_film.py`.
 
 `uv run docs/builder_film.py town film.webm` writes one part only, to another file.
 
