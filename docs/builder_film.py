@@ -141,6 +141,9 @@ class Film:
         before = self.value(edits)
         act()
         self.wait(lambda: self.value(edits) != before)
+        while (now := self.value(edits)) != before:  # Status and Scene come one after the other
+            before = now
+            self.page.wait_for_timeout(500)
         self.wait_for_image()
         self.take(seconds)
 
