@@ -137,13 +137,8 @@ class Film:
 
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
-        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene.parts)]"
-        before = self.value(edits)
         act()
-        self.wait(lambda: self.value(edits) != before)
-        while (now := self.value(edits)) != before:  # Status and Scene come one after the other
-            before = now
-            self.page.wait_for_timeout(500)
+        self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
         self.wait_for_image()
         self.take(seconds)
 
@@ -154,14 +149,10 @@ class Film:
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Drag from one point of the map to another."""
-        before = self.value("store.scene.value.model")
         self.point(*self.screen(*start))
         self.page.mouse.down()
         self.point(*self.screen(*end), images=5)
-        self.page.mouse.up()
-        self.wait(lambda: self.value("store.scene.value.model") != before)
-        self.wait_for_image()
-        self.take(0.5)
+        self.edit(self.page.mouse.up, 0.5)
 
     def drive(self, seconds: float, command: Callable[[], Command], speed: float = 1.0) -> None:
         """Let the car drive that long in the film, with the commands of each tick."""
