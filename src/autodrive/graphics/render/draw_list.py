@@ -113,6 +113,8 @@ class DrawList:
         """Number of headlights in the first slots of the lamps."""
         self.n_caster = 0
         """Number of vehicles that cast shadows."""
+        self.shadow_areas = np.zeros((CASTERS, 4), np.float32)
+        """Where they cast them by day, see `Shadows.areas`."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
@@ -137,6 +139,8 @@ class DrawList:
         casters = near[: CASTERS - 1]
         self.n_caster = len(casters)
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
+        if state.is_day:
+            self.shadow_areas = self._shadows.areas(casters, bones).astype(np.float32)
         self.lamps, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
 
         spheres = [self._spheres]

@@ -20,7 +20,7 @@ from autodrive.graphics.render.lighting import lights_view, perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
-from autodrive.graphics.render.shadows import BONES, Shadows, columns
+from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
 
@@ -232,9 +232,11 @@ class Renderer:
         self._context.enable(moderngl.BLEND)
         if look is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
-            area = np.array([*(self._shadows.drift if is_day else (0.0, 0.0)), self._shadows.reach], np.float32)
             vertices = 6 * self._draw_list.n_caster
-            self._draw_plain("ground_shade", vertices, {"area": area.tobytes()}, is_day=is_day)
+            self._draw_plain("ground_shade", vertices, {"reach": np.float32(DIM).tobytes()})
+            if is_day:
+                shadows = {"along": self._shadows.along.astype(np.float32), "areas": self._draw_list.shadow_areas}
+                self._draw_plain("ground_shade", vertices, {k: v.tobytes() for k, v in shadows.items()}, is_day=True)
         if self._strips is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from autodrive.base.transforms import Vector
     from autodrive.graphics.render.gpu_mesh import GpuMesh
     from autodrive.graphics.render.quality import Quality
+    from autodrive.graphics.render.scene import Geometry
 
 TILES = 4
 """The shadow map of the vehicles has `TILES` x `TILES` tiles."""
@@ -88,6 +89,7 @@ class Shadows:
         extent = max([0.05, *(1.05 * model.radius for model in vehicles)])
         self.caster_scale = np.array([0.5 / extent, 0.5 / extent, 1.0 / (2.0 * extent + 0.6)])
         self._extent = extent
+        self._bone_boxes = [_bone_boxes(model.geometry) for model in vehicles]
 
     def set_sun(self, direction: Vector) -> None:
         """Set the direction towards the sun; the static shadow map is redrawn if it has changed."""
@@ -103,9 +105,26 @@ class Shadows:
         return -0.25 * np.array([x, y]) / z
 
     @property
-    def reach(self) -> float:
-        """How far around its centre a vehicle dims the ground, but for its drift [m]."""
-        return self._extent + DIM
+    def along(self) -> Floats:
+        """Level direction of the sunlight, a unit vector of shape (2,)."""
+        return np.array([self.sun[0, 1], -self.sun[0, 0]])
+
+    def areas(self, vehicles: Sequence[int], bones: Sequence[bytes]) -> Floats:
+        """Rectangles of the ground that contain the shadows of these vehicles, shape (CASTERS, 4) [m].
+
+        The first corner, `along` the sunlight and to its left, and the opposite one. `bones`: of all vehicles, columns.
+        """
+        x, y, z = self.sun_direction
+        margin = 2.0 * self.skin * np.hypot(x / z, 1.0)
+        corners = np.zeros((CASTERS, 4))
+        for slot, vehicle in enumerate(vehicles):
+            owner, points = self._bone_boxes[vehicle]
+            places = np.frombuffer(bones[vehicle], np.float32).reshape(-1, 4, 4)[owner].astype(np.float64)
+            at = (points @ places[:, :3, :3] + places[:, 3:, :3]).reshape(-1, 3)
+            fallen = at[:, :2] - np.maximum(at[:, 2:], 0.0) * np.array([[x / z, y / z]])
+            level = fallen @ np.column_stack([self.along, self.sun[0, :2]])
+            corners[slot] = *(level.min(0, initial=np.inf) - margin), *(level.max(0, initial=-np.inf) + margin)
+        return corners
 
     def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         texture = self._context.depth_texture((width, height))
@@ -283,6 +302,15 @@ class Shadows:
         write(self._jointed, "clip_from_map", columns(clip))
         write(self._jointed, "bones", bones)
         self._vehicles[vehicle].draw(self._jointed)
+
+
+def _bone_boxes(own: Geometry) -> tuple[NDArray[np.intp], Floats]:
+    """Bones that move vertices, shape (n,), and the corners of a box around these, in their axes, shape (n, 8, 3)."""
+    points, bones = own.vertices["position"].astype(np.float64), own.vertices["bone_lamp"][:, 0].astype(np.intp)
+    used = np.unique(bones)
+    boxes = [np.array([points[bones == bone].min(0), points[bones == bone].max(0)]) for bone in used.tolist()]
+    corners = [np.stack(np.meshgrid(*box.T), axis=-1).reshape(8, 3) for box in boxes]
+    return used, np.array(corners).reshape(-1, 8, 3)
 
 
 def _shade(points: Floats, sun: Vector) -> BaseGeometry:
