@@ -134,7 +134,7 @@ class DrawList:
             self._shadows.set_sun(state.look.sun_direction)
             if self._shadows.draw_still(places, np.array([rigid(view.position, view.orientation) for view in views])):
                 falls = self._shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
-                self._is_shaded = ~self._is_flat | falls
+                self._is_shaded = ~self._is_ground & (~self._is_flat | falls)  # the ground: see ground_shadows.py
         self.set_sky(state.look, state.time)
         casters = near[: CASTERS - 1]
         self.n_caster = len(casters)

@@ -83,6 +83,11 @@ class Shadows:
         extent = np.ptp(static.geometry.vertices["position"][:, :2], axis=0) if len(static.geometry.vertices) else 0.0
         self._is_large = bool(np.linalg.norm(extent) > FINE * quality.still_map)
         self._object_points: list[Floats] = []
+        self.shades: tuple[BaseGeometry, ...] = ()
+        """Areas of the ground in the shadow of static meshes and of objects; a new tuple whenever they change."""
+        self._static_shade: BaseGeometry = shapely.GeometryCollection()
+        self._shade_margin = 0.0
+        """By which they are too large [m]."""
         """Vertices of each object in the static shadow map, in map axes."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
         """Coordinates in the static shadow map, from 0 to 1: sun axes * scale + offset."""
@@ -97,6 +102,7 @@ class Shadows:
             self.sun_direction = direction
             self.sun = sun_axes(direction)
             self._drawn_objects = None
+            self.shades = ()
 
     @property
     def drift(self) -> Floats:
@@ -115,8 +121,7 @@ class Shadows:
         The first corner, `along` the sunlight and to its left, and the opposite one. `bones`: of all vehicles, columns.
         """
         x, y, z = self.sun_direction
-        margin = 2.0 * self.skin * np.hypot(x / z, 1.0)
-        corners = np.zeros((CASTERS, 4))
+        margin, corners = self._margin, np.zeros((CASTERS, 4))
         for slot, vehicle in enumerate(vehicles):
             owner, points = self._bone_boxes[vehicle]
             places = np.frombuffer(bones[vehicle], np.float32).reshape(-1, 4, 4)[owner].astype(np.float64)
@@ -138,6 +143,11 @@ class Shadows:
         """How far surfaces are moved towards the sun, against shadow acne [m]."""
         texels = 1.0 / (self.still_scale[:2].min() * self.still_size), TILES / (self.caster_scale[0] * self.caster_size)
         return SKIN * float(max(texels))
+
+    @property
+    def _margin(self) -> float:
+        """How far a shadow on the ground can reach beyond that of the meshes: by `skin` and the filter of the map [m]."""
+        return 2.0 * self.skin / self.sun_direction[2]
 
     def draw_still(self, objects: Floats, eyes: Floats) -> bool:
         """Redraw the static shadow map if an object or the area has changed; whether an object has.
@@ -169,6 +179,8 @@ class Shadows:
                 self._static.draw(self._fixed)
                 self._draw_objects(clip, objects)
             frame.scissor = 0, 0, *frame.size
+        if is_moved or self._margin > self._shade_margin:
+            self._set_shades()
         return is_moved
 
     def area(self, eyes: Floats) -> Area | None:
@@ -218,12 +230,19 @@ class Shadows:
 
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
         """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""
-        static = self._static.geometry
-        points = static.vertices["position"].astype(np.float64)
-        meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
-        shades = [_shade(mesh, self.sun_direction) for mesh in [*meshes, *self._object_points]]
         grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
-        return shapely.intersects(grounds, shapely.union_all(shades))
+        return shapely.intersects(grounds[:, None], np.array(self.shades, object)).any(1)
+
+    def _set_shades(self) -> None:
+        """Set `shades`, for the sun and the objects as drawn last."""
+        static, self._shade_margin = self._static.geometry, self._margin
+        if not self.shades:
+            points = static.vertices["position"].astype(np.float64)
+            meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
+            self._static_shade = shapely.union_all([_shade(mesh, self.sun_direction) for mesh in meshes])
+        objects = shapely.union_all([_shade(points, self.sun_direction) for points in self._object_points])
+        both = np.array([self._static_shade, objects])
+        self.shades = tuple(shapely.buffer(both, self._shade_margin, quad_segs=2).tolist())
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """Draw a tile for each of these vehicles; offsets from sun axes * caster_scale to the tile, and its place.
