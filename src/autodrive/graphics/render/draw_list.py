@@ -175,6 +175,8 @@ class DrawList:
 
     def seen_lit(self, lit: Illumination, is_lit: NDArray[np.bool_]) -> Illumination:
         """The same without lamps that light nothing in a view. `is_lit`: of each lamp, see `lights_view`."""
+        if not lit.beams and not lit.lamps:
+            return lit
         slots = [*range(self.n_beam), *range(BEAMS, BEAMS + len(self.lamps) - self.n_beam)]
         seen = {slot for slot, is_one in zip(slots, is_lit.tolist(), strict=True) if is_one}
         beams, lamps = ([slot for slot in own if slot in seen] for own in (lit.beams, lit.lamps))

@@ -121,7 +121,7 @@ class Shadows:
         The first corner, `along` the sunlight and to its left, and the opposite one. `bones`: of all vehicles, columns.
         """
         x, y, z = self.sun_direction
-        margin, corners = self._margin, np.zeros((CASTERS, 4))
+        margin, corners = self.margin, np.zeros((CASTERS, 4))
         for slot, vehicle in enumerate(vehicles):
             owner, points = self._bone_boxes[vehicle]
             places = np.frombuffer(bones[vehicle], np.float32).reshape(-1, 4, 4)[owner].astype(np.float64)
@@ -145,8 +145,8 @@ class Shadows:
         return SKIN * float(max(texels))
 
     @property
-    def _margin(self) -> float:
-        """How far a shadow on the ground can reach beyond that of the meshes: by `skin` and the filter of the map [m]."""
+    def margin(self) -> float:
+        """How far a shadow on the ground can reach beyond its mesh, by `skin` and the filter of the map [m]."""
         return 2.0 * self.skin / self.sun_direction[2]
 
     def draw_still(self, objects: Floats, eyes: Floats) -> bool:
@@ -179,7 +179,7 @@ class Shadows:
                 self._static.draw(self._fixed)
                 self._draw_objects(clip, objects)
             frame.scissor = 0, 0, *frame.size
-        if is_moved or self._margin > self._shade_margin:
+        if is_moved or self.margin > self._shade_margin:
             self._set_shades()
         return is_moved
 
@@ -235,7 +235,7 @@ class Shadows:
 
     def _set_shades(self) -> None:
         """Set `shades`, for the sun and the objects as drawn last."""
-        static, self._shade_margin = self._static.geometry, self._margin
+        static, self._shade_margin = self._static.geometry, self.margin
         if not self.shades:
             points = static.vertices["position"].astype(np.float64)
             meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
