@@ -250,11 +250,11 @@ class Renderer:
             vertices = 6 * self._draw_list.n_caster
             self._draw_plain("ground_shade", vertices, {"reach": np.float32(DIM).tobytes()})
             if is_day:
-                self._context.blend_equation = moderngl.MAX
+                self._context.blend_equation = moderngl.MAX, moderngl.MAX
                 self._ground_shadows().draw(self._shadows.shades, clip)
                 shadows = {"along": self._shadows.along.astype(np.float32), "areas": self._draw_list.shadow_areas}
                 self._draw_plain("ground_shade", vertices, {k: v.tobytes() for k, v in shadows.items()}, is_day=True)
-                self._context.blend_equation = moderngl.FUNC_ADD
+                self._context.blend_equation = moderngl.FUNC_ADD, moderngl.FUNC_ADD
         if self._strips is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)

@@ -231,7 +231,7 @@ class Shadows:
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
         """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""
         grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
-        return shapely.intersects(grounds[:, None], np.array(self.shades, object)).any(1)
+        return np.any(shapely.intersects(grounds[:, None], np.array(self.shades, object)), axis=1)
 
     def _set_shades(self) -> None:
         """Set `shades`, for the sun and the objects as drawn last."""
