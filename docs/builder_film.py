@@ -137,7 +137,10 @@ class Film:
 
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
+        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene?.parts ?? store.scene.value.model)]"
+        before = self.value(edits)
         act()
+        self.wait(lambda: self.value(edits) != before)
         self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
         self.wait_for_image()
         self.take(seconds)
