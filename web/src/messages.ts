@@ -447,7 +447,8 @@ export interface DisconnectBridge {
  * `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
  * [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
  * `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
- * `zoom` multiplies the focal length.
+ * `zoom` multiplies the focal length. `drawings` of programs, collision `shapes`, and `axes` of vehicles and sensors
+ * are drawn into the image, and contact forces if `force_scale` is more than 0: the force of an arrow of 10 cm [N].
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -461,6 +462,10 @@ export interface SetCamera {
   width?: number
   rate?: number
   position?: [number, number, number]
+  drawings?: boolean
+  shapes?: boolean
+  axes?: boolean
+  force_scale?: number
 }
 
 /**

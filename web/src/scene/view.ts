@@ -7,7 +7,6 @@ import type { Trails } from '../trails'
 import { sceneUrl } from './assets'
 import { DrawingView } from './drawing_view'
 import { EditCamera } from './edit_camera'
-import { FlatDrawings } from './flat_drawings'
 import { type Asset, loadAsset } from './glb'
 import { drawLabels, Labels } from './labels'
 import { MotionInterpolator } from './motion'
@@ -77,7 +76,6 @@ class View implements SceneView {
   private readonly trailView = new TrailView()
   private readonly drawingView = new DrawingView()
   private readonly overlayView = new OverlayView()
-  private readonly flatDrawings: FlatDrawings
   private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
@@ -107,7 +105,6 @@ class View implements SceneView {
     this.labels = new Labels(canvas)
     this.scan = new ScanView(store.scanFarthest)
     this.editCamera = new EditCamera(canvas)
-    this.flatDrawings = new FlatDrawings(canvas) // before the image, which is then below it
     this.remote = new RemoteImage(canvas)
     this.remote.onImage = () => this.countStreamed()
     if (!this.renderer) this.useRemoteView(NO_WEBGL)
@@ -174,7 +171,6 @@ class View implements SceneView {
     ;[picture.width, picture.height] = [image.width, image.height]
     if (picture.width === 0 || picture.height === 0) return null
     context.drawImage(image, 0, 0)
-    if (isStream) this.flatDrawings.addTo(context, image.width, image.height)
     if (!isStream) drawLabels(context, this.labels.all, image.width / width)
     if (profile.pixelRatio < 1) this.resize()
     return new Promise((done) => picture.toBlob(done, 'image/png'))
@@ -203,7 +199,6 @@ class View implements SceneView {
     this.viewpoints.dispose()
     this.editCamera.dispose()
     this.remote.dispose()
-    this.flatDrawings.dispose()
     this.renderer?.dispose()
   }
 
@@ -372,7 +367,6 @@ class View implements SceneView {
     } else this.editCamera.close()
     up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)
     this.labels.update(state.vehicles, followed, (x, y, z) => this.screenPoint(x, y, z), up)
-    this.flatDrawings.update(store, viewpoints.camera, isStream)
     if (isStream || !renderer || !world) return false
     const scan = store.isScanShown.value ? (store.scans.get(followed) ?? null) : null
     this.scan.show(scan, followed, spec.lidar, motion)
