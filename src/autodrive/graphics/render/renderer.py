@@ -15,12 +15,13 @@ from autodrive.graphics.render import texture_arrays
 from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.graphics.render.gl import moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
+from autodrive.graphics.render.ground_shadows import GroundShadows
 from autodrive.graphics.render.ground_strips import GroundStrips
 from autodrive.graphics.render.lighting import lights_view, perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
-from autodrive.graphics.render.shadows import BONES, Shadows, columns
+from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
@@ -138,6 +139,7 @@ class Renderer:
         """Texture array and layer of their noise."""
         strips = scene.static.strips
         self._strips = None if strips is None else GroundStrips(context, strips)
+        self._ground_shadows = cache(self._new_ground_shadows)
         self._behind = cache(self._new_behind)
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
@@ -245,9 +247,14 @@ class Renderer:
         self._context.enable(moderngl.BLEND)
         if look is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
-            area = np.array([*(self._shadows.drift if is_day else (0.0, 0.0)), self._shadows.reach], np.float32)
             vertices = 6 * self._draw_list.n_caster
-            self._draw_plain("ground_shade", vertices, {"area": area.tobytes()}, is_day=is_day)
+            self._draw_plain("ground_shade", vertices, {"reach": np.float32(DIM).tobytes()})
+            if is_day:
+                self._context.blend_equation = moderngl.MAX, moderngl.MAX
+                self._ground_shadows().draw(self._shadows.shades, clip)
+                shadows = {"along": self._shadows.along.astype(np.float32), "areas": self._draw_list.shadow_areas}
+                self._draw_plain("ground_shade", vertices, {k: v.tobytes() for k, v in shadows.items()}, is_day=True)
+                self._context.blend_equation = moderngl.FUNC_ADD, moderngl.FUNC_ADD
         if self._strips is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)
@@ -457,6 +464,10 @@ class Renderer:
         definitions = {"DOWN": "1.0", "TAPS": self.quality.taps} | ({"SUNLIT": 1} if is_day else {})
         program = self._linked(f"{name}.vert", f"{name}.frag", False, **definitions)
         return program, self._context.vertex_array(program, [])
+
+    def _new_ground_shadows(self) -> GroundShadows:
+        program = self._linked("ground_shadow.vert", "ground_shadow.frag", TAPS=self.quality.taps)
+        return GroundShadows(self._context, program)
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
         is_quick = self.quality.detail == "reduced"
