@@ -339,12 +339,14 @@ export interface EditMap {
  *
  * The text is that of a map or of a track.
  *
- * The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
+ * The modules of a text are those of `MapScene.modules`, and of `modules`: names in the text -> texts of their files.
+ * Its map is a draft, which may be unfinished.
  */
 export interface UseMap {
   type: 'UseMap'
   name?: string
   text?: string
+  modules?: Record<string, string>
 }
 
 /**

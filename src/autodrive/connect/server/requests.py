@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
-from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, SHARE, Entry, RequestQueue
+from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, Entry, Limits, RequestQueue
 from autodrive.protocol.messages import (
     AddBox,
     Frame,
@@ -37,13 +36,11 @@ from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
+    from autodrive.connect.server.broadcast import Broadcast
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.driver_lease import DriverLeases
-    from autodrive.connect.server.frame_queue import FrameQueue
-    from autodrive.connect.server.remote_view import RemoteViews
     from autodrive.connect.server.served import Served
     from autodrive.protocol.native import ServerOperation
-    from autodrive.world import World
 
 log = logging.getLogger(__name__)
 
@@ -93,41 +90,38 @@ class Turn(NamedTuple):
 class Requests:
     """Used in the server's event loop. `on_change` is called when the Status changes.
 
-    While time runs, the requests of a client, and those of all clients together, use at most `SHARE` of the time. A
-    client that connects again waits for its turn like the others.
+    While time runs, edits of a map use at most `SHARE` of the time, and so do the other requests, those of a client
+    and those of all clients together. A client that connects again waits for its turn like the others.
     """
 
     def __init__(
         self,
         served: Served,
-        frame_queue: FrameQueue,
+        broadcast: Broadcast,
         leases: DriverLeases,
         bridge: BridgeControl,
-        remote_views: RemoteViews,
         *,
-        prepare_scene: Callable[[World], None],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self.note = ""
         """A long operation that runs now, for the Status."""
         self._simulation = served.simulation
-        self._frame_queue = frame_queue
+        self._broadcast = broadcast
+        self._frame_queue = broadcast.queue
         self._leases = leases
         self._bridge = bridge
-        self._remote_views = remote_views
         self._scenarios = served.scenarios
         self._recording = served.recording
         self._replay = served.replay
         self._own_files = served.own_files
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
-        self._prepare_scene = prepare_scene
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
         """The queue of each client; the client whose turn is next comes first."""
-        self._limit = TokenBucket(SHARE, BURST, time.perf_counter())
+        self._limits = Limits(BURST)
         self._is_busy = False
         """Whether the simulation executes a request."""
         self._timer: asyncio.Handle | None = None
@@ -167,11 +161,12 @@ class Requests:
         for client, queue in list(self._queues.items()):
             if (entry := queue.next) is None:
                 continue
-            free_at = queue.limit.free_at
+            free_at = queue.limits.of(entry.operation).free_at
             if not isinstance(entry.operation, OF_SERVER):
                 if self._is_busy:
                     continue
-                free_at = max(free_at, -math.inf if self._simulation.is_paused else self._limit.free_at)
+                if not self._simulation.is_paused:
+                    free_at = max(free_at, self._limits.of(entry.operation).free_at)
             if now < free_at:
                 earliest = min(earliest, free_at)
                 continue
@@ -216,8 +211,8 @@ class Requests:
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() | ViewSensor() as view:
-                    self._remote_views.set_view(turn.client, view, self._clock())
-                    self._respond(turn, self._simulation.frame)
+                    self._broadcast.remote_views.set_view(turn.client, view, self._clock())
+                    self._respond(turn, self._broadcast.latest)
                 case LoadScenario() | AddBox() | ImportTrack() | OpenFile() as operation:
                     self._is_busy = True
                     if isinstance(operation, LoadScenario):
@@ -253,10 +248,9 @@ class Requests:
             one.queue.is_busy = False
             if is_limited:
                 work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-                one.queue.pay(entry.operation, work, now)
+                one.queue.limits.pay(entry.operation, work, now)
         if is_limited and not is_of_server:
-            self._limit.tokens(now)
-            self._limit.take(entry.ended - entry.started)
+            self._limits.pay(entry.operation, entry.ended - entry.started, now)
         if isinstance(entry.operation, LoadScenario):
             self.note = ""
             self._on_change()
@@ -290,7 +284,7 @@ class Requests:
             operation = self._own_files.opened(operation, self._simulation.world)
         if isinstance(operation, LoadScenario):
             if world := self._simulation.prepare(operation.name):
-                self._prepare_scene(world)
+                self._broadcast.prepare(world)
         elif isinstance(operation, AddBox):
             from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
 
@@ -369,7 +363,7 @@ class Requests:
             except Exception as error:
                 self._refuse(turn, error)
             else:
-                self._respond(turn, self._simulation.frame, answer)
+                self._respond(turn, self._broadcast.latest, answer)
             self._on_change()
 
         self._keep(asyncio.create_task(execute()))
