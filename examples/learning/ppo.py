@@ -7,13 +7,13 @@ Install it, train, and watch the result:
 
 Problems: "race" (car RoboRacer, LIDAR, random tracks), "robust" (the same with more latency, noise, other grip and
 mass, and dearer collisions), "duel" (two of them in each race, driven by the policy that learns, by itself as it was,
-or by other drivers), "crossing" (four cars Nigel drive through a crossing, all driven by the policy that learns), and
-"lane" (car Nigel, lane keeping). `--begin-with` saves "robust" and "duel" the beginning: runs/race, or a policy. The
-output folder gets checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from
-there.
+or by other drivers), "overtake" (such a driver learns to keep its distance and to pass), "crossing" (four cars Nigel
+drive through a crossing, all driven by the policy that learns), and "lane" (car Nigel, lane keeping). `--begin-with`
+gives "robust", "duel" and "overtake" the beginning: runs/race, or a policy. The output folder gets checkpoint.eqx,
+policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
-arXiv:1506.02438).
+arXiv:1506.02438); that of "overtake" is DAgger (Ross et al., arXiv:1011.0686).
 """
 
 import time
