@@ -1,4 +1,4 @@
-"""Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
+"""Makes the film of builder.md: a town and a track are built, driven on and sent. `uv run docs/builder_film.py`.
 
 `uv run docs/builder_film.py town film.webm` writes one part only, to another file.
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Locator, Page, sync_playwright
 
 from autodrive import Command
-from autodrive.protocol.messages import Pause, SetTrafficLight, Step, TrafficLightState
+from autodrive.protocol.messages import LoadScenario, Pause, SetTrafficLight, Step, TrafficLightState
 from autodrive.recording.film.video import Video
 from autodrive.run.options import RunOptions
 from autodrive.run.runner import RunObserver, opened
@@ -83,11 +83,9 @@ class Film:
 
     def wait_for_image(self, count: int = 2) -> None:
         """Wait until the 3D view has shown that many more images."""
-        before, end = (
-            self.value("store.imageCount.value"),
-            time.monotonic() + 0.7,
-        )  # nothing is drawn if nothing changes
+        before, end = self.value("store.imageCount.value"), time.monotonic() + 0.7
         self.wait(lambda: self.value("store.imageCount.value") >= before + count or time.monotonic() > end)
+        self.wait(lambda: self.value("store.shownScene.value === store.scene.value"))
 
     def take(self, seconds: float = 1.0 / RATE) -> None:
         """Add the image of the page for that time."""
@@ -139,10 +137,8 @@ class Film:
 
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
-        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene.parts)]"
-        before = self.value(edits)
         act()
-        self.wait(lambda: self.value(edits) != before)
+        self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
         self.wait_for_image()
         self.take(seconds)
 
@@ -153,14 +149,10 @@ class Film:
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Drag from one point of the map to another."""
-        before = self.value("store.scene.value.model")
         self.point(*self.screen(*start))
         self.page.mouse.down()
         self.point(*self.screen(*end), images=5)
-        self.page.mouse.up()
-        self.wait(lambda: self.value("store.scene.value.model") != before)
-        self.wait_for_image()
-        self.take(0.5)
+        self.edit(self.page.mouse.up, 0.5)
 
     def drive(self, seconds: float, command: Callable[[], Command], speed: float = 1.0) -> None:
         """Let the car drive that long in the film, with the commands of each tick."""
@@ -283,7 +275,7 @@ def town(film: Film) -> None:
     film.drive(5.0, follow, speed=1.5)
     simulation.request(SetTrafficLight(light, TrafficLightState.GREEN)).result()
     film.caption("Drive: the light is green", 0.2)
-    film.drive(8.0, follow, speed=2.2)
+    film.drive(14.0, follow, speed=2.2)
 
 
 def track(film: Film) -> None:
@@ -307,23 +299,42 @@ def track(film: Film) -> None:
     film.take(2.0)
     film.click("build-undo")
     film.take(1.0)
-    film.caption("Save it as a file, or as a link that contains the track", 0.5)
-    film.click("build-save")
-    film.take(1.5)
-    film.click("save-map-link")
-    film.wait(lambda: page.get_by_test_id("map-link").is_visible())
-    film.take(2.0)
-    film.click("link-dialog-cancel")
     film.caption("Drive: a script follows the gap with the LIDAR", 0.5)
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
-    film.drive(6.5, gap_follower(simulation), speed=3.0)
+    film.drive(11.0, gap_follower(simulation), speed=3.0)
+
+
+def link(film: Film) -> None:
+    """The track is sent as a link, and opened by somebody else."""
+    page, simulation = film.page, film.simulation
+    film.caption("Save: a file, or a link that contains the map")
+    film.click("build-button")
+    film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
+    film.click("build-save")
+    film.take(2.0)
+    film.click("save-map-link")
+    film.wait(lambda: page.get_by_test_id("map-link").is_visible())
+    film.caption("Send the link", 3.0)
+    address = page.get_by_test_id("map-link").inner_text()
+    simulation.request(LoadScenario("plane")).result()
+    page.goto("about:blank")
+    page.goto(address)
+    page.wait_for_function("() => window.autodrive?.store.scene.value?.track_scene && autodrive.view")
+    page.wait_for_timeout(1500)
+    film.wait_for_image(3)
+    film.caption("Somebody else opens it in the page of a running simulator")
+    film.click("build-done")
+    page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
+    film.wait_for_image(3)
+    film.caption("... and drives on your track", 0.2)
+    film.drive(8.0, gap_follower(simulation), speed=3.0)
 
 
 def main() -> None:
     """Write the film."""
-    parts = [part for part in (town, track) if part.__name__ in (sys.argv[1:2] or ["town", "track"])]
+    parts = [part for part in (town, track, link) if part.__name__ in (sys.argv[1:2] or ["town", "track", "link"])]
     file = Path(sys.argv[2]) if len(sys.argv) > 2 else FILE
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:

@@ -2,6 +2,7 @@
 import { defineConfig } from 'vitest/config'
 
 export default defineConfig({
+  server: { fs: { allow: ['..'] } }, // shaders that the page shares with the simulator
   test: {
     testTimeout: 180_000, // a busy machine is slow
     environment: 'happy-dom',

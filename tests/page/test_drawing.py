@@ -53,7 +53,7 @@ def test_drawings_are_seen_until_they_disappear_and_can_be_hidden(
 
 
 @pytest.mark.parametrize("kind", ["points", "path", "text"])
-def test_drawings_are_over_the_images_of_the_simulator(kind: str, plane: PageServer, new_tab: NewTab) -> None:
+def test_drawings_are_in_the_images_of_the_simulator(kind: str, plane: PageServer, new_tab: NewTab) -> None:
     plane.request(Pause())
     try:
         x, y, _ = plane.vehicle.pose.position.tolist()
@@ -69,6 +69,13 @@ def test_drawings_are_over_the_images_of_the_simulator(kind: str, plane: PageSer
         tab.wait_until(lambda: not tab.value("store.isStreamStarting.value"))
         # at the same place; a text has other letters, and its image is cut at other edges
         tab.wait_until(lambda: magenta(tab) > 100 and np.abs(magenta_box(tab) - drawn).max() < 12)
+        below = tuple((x, y, z - 1.0) for x, y, z in above)
+        plane.request(Draw({"it": Drawing(**shape | {"points": below}, color=MAGENTA, size=0.1)}))
+        tab.wait_until(lambda: magenta(tab) == 0)  # the ground hides it, also in a pause
+        plane.request(Draw({"it": Drawing(**shape, color=MAGENTA, size=0.1)}))
+        tab.wait_until(lambda: magenta(tab) > 100)
+        tab.page.evaluate("() => (autodrive.store.areDrawingsShown.value = false)")
+        tab.wait_until(lambda: magenta(tab) == 0)
     finally:
         plane.request(Resume())
         plane.request(Reset())

@@ -21,17 +21,21 @@ def pixels(tab: Tab, colour: tuple[float, float, float]) -> int:
     return int((np.abs(image - colour).max(axis=2) < 0.17).sum())
 
 
+@pytest.mark.parametrize("quality", ["low", "stream"])
 @pytest.mark.parametrize(
     ("key", "switch", "colour"),
     [("1", "shapes-switch", CYAN), ("2", "forces-switch", LIME), ("3", "axes-switch", BLUE)],
 )
 def test_an_overlay_is_switched_by_its_key_and_its_switch(
-    plane: PageServer, new_tab: NewTab, key: str, switch: str, colour: tuple[float, float, float]
+    plane: PageServer, new_tab: NewTab, key: str, switch: str, colour: tuple[float, float, float], quality: str
 ) -> None:
-    tab = new_tab(draws=True).open(plane.url + "?quality=low#camera=orbit&orbit=120,20,0.5&scan=0")
+    tab = new_tab(draws=True).open(plane.url + f"?quality={quality}#camera=orbit&orbit=120,20,0.5&scan=0")
     plane.request(Pause())
     try:
-        tab.wait_for_image()
+        if quality == "stream":
+            tab.wait_until(lambda: not tab.value("store.isStreamStarting.value"))
+        else:
+            tab.wait_for_image()
         before = pixels(tab, colour)
         tab.page.keyboard.press(key)
         if key == "2":  # forces are those of a tick

@@ -339,12 +339,14 @@ export interface EditMap {
  *
  * The text is that of a map or of a track.
  *
- * The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
+ * The modules of a text are those of `MapScene.modules`, and of `modules`: names in the text -> texts of their files.
+ * Its map is a draft, which may be unfinished.
  */
 export interface UseMap {
   type: 'UseMap'
   name?: string
   text?: string
+  modules?: Record<string, string>
 }
 
 /**
@@ -447,7 +449,8 @@ export interface DisconnectBridge {
  * `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
  * [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
  * `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
- * `zoom` multiplies the focal length.
+ * `zoom` multiplies the focal length. `drawings` of programs, collision `shapes`, and `axes` of vehicles and sensors
+ * are drawn into the image, and contact forces if `force_scale` is more than 0: the force of an arrow of 10 cm [N].
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -461,6 +464,10 @@ export interface SetCamera {
   width?: number
   rate?: number
   position?: [number, number, number]
+  drawings?: boolean
+  shapes?: boolean
+  axes?: boolean
+  force_scale?: number
 }
 
 /**

@@ -51,7 +51,11 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
     const { value: fly } = store.fly
     const free = camera === 'Fly' && fly ? flownTo(fly) : (store.orbit.value ?? ORBIT)
     const place = { height: store.birdHeight.value, ...free, zoom: lensZoomOf(store) }
-    const view = { vehicle: store.vehicle.value, ...place, width, rate: RATE }
+    const overlays = {
+      ...{ drawings: store.areDrawingsShown.value, shapes: store.areShapesShown.value, axes: store.areAxesShown.value },
+      force_scale: store.areForcesShown.value ? store.forceScale.value : 0,
+    }
+    const view = { vehicle: store.vehicle.value, ...place, ...overlays, width, rate: RATE }
     connection.request({ type: 'SetCamera', camera, ...(isWanted && view) }).catch((error: Error) => {
       store.warning.value = error.message
       if (store.link.value !== 'open' || store.quality.value !== 'stream') return
@@ -76,7 +80,10 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
   }
 
   const { quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene } = store
+  const { areDrawingsShown, areShapesShown, areForcesShown, areAxesShown, forceScale } = store
   for (const observable of [quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene])
+    observable.watch(schedule)
+  for (const observable of [areDrawingsShown, areShapesShown, areForcesShown, areAxesShown, forceScale])
     observable.watch(schedule)
   store.rendered.watch((image) => image && isStreaming && judge())
   window.addEventListener('resize', schedule)

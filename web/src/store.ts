@@ -152,6 +152,8 @@ export class Store {
   readonly bearing = new Observable(0)
   /** Frame rate of the 3D view, averaged over half a second [Hz]. */
   readonly frameRate = new Observable(0)
+  /** The Scene of the latest image of the 3D view. */
+  readonly shownScene = new Observable<Scene | null>(null)
   /** Changes with each image of the 3D view, after its cameras have moved. */
   readonly imageCount = new Observable(0)
 

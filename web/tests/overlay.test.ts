@@ -1,10 +1,9 @@
-import { Vector3 } from 'three'
 import { describe, expect, test } from 'vitest'
 
 import type { CollisionShapes } from '../src/messages'
-import { clippedLine } from '../src/scene/flat_drawings'
+import { scaleFor } from '../src/panels/scales'
 import { ARROW } from '../src/scene/overlay_look'
-import { arrow, outlines, scaleFor } from '../src/scene/overlay_view'
+import { arrow, outlines } from '../src/scene/overlay_view'
 
 const TINT = [1, 0, 0, 1]
 
@@ -49,19 +48,6 @@ describe('the outline of', () => {
 
   test('a shape that is not chosen is not drawn', () => {
     expect(outlines(shape(6, [1, 1, 1]), TINT, () => false)).toEqual([])
-  })
-})
-
-describe('a line over an image of the simulator', () => {
-  test('is cut where it passes the camera, which looks along -z', () => {
-    const [ahead, behind] = [new Vector3(0, 0, -3), new Vector3(4, 0, 1)]
-    expect(clippedLine(ahead, behind, -1)?.map((point) => point.toArray())).toEqual([
-      [0, 0, -3],
-      [2, 0, -1],
-    ])
-    expect(clippedLine(behind, ahead, -1)?.[0].toArray()).toEqual([2, 0, -1])
-    expect(clippedLine(ahead, ahead, -1)).toEqual([ahead, ahead])
-    expect(clippedLine(behind, behind, -1)).toBeNull()
   })
 })
 

@@ -389,6 +389,8 @@ class EditMap(msgspec.Struct, frozen=True, tag=True):
     seen: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)] = {}
 
 
+MAX_MODULES = 100
+"""Own modules of a map that a client sends."""
 MAX_TEXT = 2**20
 """Longest text or picture of a file in a message [characters or bytes]."""
 
@@ -398,11 +400,15 @@ class UseMap(msgspec.Struct, frozen=True, tag=True):
 
     The text is that of a map or of a track.
 
-    The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
+    The modules of a text are those of `MapScene.modules`, and of `modules`: names in the text -> texts of their files.
+    Its map is a draft, which may be unfinished.
     """
 
     name: Name = ""
     text: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
+    modules: Annotated[
+        dict[str, Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]], msgspec.Meta(max_length=MAX_MODULES)
+    ] = {}
 
 
 class CloseLoop(msgspec.Struct, frozen=True, tag=True):

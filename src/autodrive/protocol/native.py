@@ -109,7 +109,8 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
     [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
     `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
-    `zoom` multiplies the focal length.
+    `zoom` multiplies the focal length. `drawings` of programs, collision `shapes`, and `axes` of vehicles and sensors
+    are drawn into the image, and contact forces if `force_scale` is more than 0: the force of an arrow of 10 cm [N].
     """
 
     camera: Name | None
@@ -122,6 +123,10 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     width: int = 960
     rate: float = 30.0
     position: Vector = (0.0, 0.0, 1.0)
+    drawings: bool = False
+    shapes: bool = False
+    axes: bool = False
+    force_scale: float = 0.0
 
 
 class ViewSensor(msgspec.Struct, frozen=True, tag=True):

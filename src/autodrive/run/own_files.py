@@ -14,7 +14,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
 from autodrive.connect.server.served import NO_FOLDER, OwnFiles
-from autodrive.protocol.messages import LoadScenario, UseMap
+from autodrive.protocol.messages import MAX_MODULES, LoadScenario, UseMap
 from autodrive.protocol.own_files import OpenFile, OwnFile
 from autodrive.scenario.files import check_names
 from autodrive.scenario.scenario import YAML, ScenarioSpec
@@ -59,7 +59,23 @@ class UserFiles(OwnFiles):
         if name not in paths:
             raise AutodriveError(f"'{name}' is not in the folder '{self.folder}'. {suggest(name, list(paths))}")
         found = source(paths[name])
-        return LoadScenario(str(paths[name])) if _is_scenario(found.tree) else UseMap(text=found.text)
+        if _is_scenario(found.tree):
+            return LoadScenario(str(paths[name]))
+        return UseMap(text=found.text, modules=self._modules(found.tree))
+
+    def _modules(self, map_: Any) -> dict[str, str]:
+        """Texts of the own modules of a map by their names; no file outside of the folder is read."""
+        assert self._folder is not None
+        folder, size, texts = self._folder.resolve(), 0, dict[str, str]()
+        for name in _own_modules(map_):
+            path = (folder / name).resolve()
+            if not path.is_relative_to(folder):
+                raise AutodriveError(f"module '{name}' is not in the folder '{self.folder}': copy it there")
+            texts[name] = source(path).text
+            size += len(texts[name])
+            if size > MAX_BYTES or len(texts) > MAX_MODULES:
+                raise AutodriveError(f"the map has too many own modules: at most {MAX_MODULES}, {MAX_BYTES} bytes")
+        return texts
 
     def save(self, name: str, text: str, *, replaces: bool) -> str:
         """Write NAME.yaml into the folder, never elsewhere."""
@@ -113,6 +129,14 @@ def _described(path: Path) -> OwnFile:
         keys = {}
     kind = "scenario" if _is_scenario(keys) else "track" if {"centre_line", "points"} & keys.keys() else "map"
     return OwnFile(kind, keys.get("title", "").strip().strip("\"'")[:200])
+
+
+def _own_modules(map_: Any) -> list[str]:
+    """Names of files of modules in the values of a map's file, which may be anything."""
+    placements = map_.get("placements") if isinstance(map_, dict) else None
+    entries = placements if isinstance(placements, list) else []
+    names = [one.get("module") for one in entries if isinstance(one, dict)]
+    return [*dict.fromkeys(name for name in names if isinstance(name, str) and name.endswith(YAML))]
 
 
 def _is_scenario(tree: Any) -> bool:

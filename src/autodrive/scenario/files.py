@@ -115,6 +115,11 @@ def read_module(name: str | Path) -> Described[ModuleSpec]:
         return Described(str(name), None, error, error.path)
 
 
+def module_of(name: str, text: str) -> Described[ModuleSpec]:
+    """What the text of a module's file says. Raises `SpecError` if it is no YAML."""
+    return _described(Source(text, name), ModuleSpec)
+
+
 def files_of(specs: Specs) -> dict[str, str]:
     """Texts of map, modules, vehicles and race, by kind and name as the scenario and the map name them."""
     return {name: one.text for name, one in _files(specs).items()}

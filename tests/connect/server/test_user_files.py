@@ -11,6 +11,7 @@ import pytest
 
 import autodrive
 from autodrive import AutodriveError, Client
+from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
@@ -76,6 +77,45 @@ def test_the_files_of_the_folder_are_listed_and_opened(server: Server, simulatio
     ask(sim, OpenFile("two.yaml"))
     assert simulation.world.vehicle_names == ("V1", "V2") or [*simulation.world.vehicle_names] == ["V1", "V2"]
     assert simulation.undo_name == ""
+
+
+OWN = "title: Own\nplacements:\n  - {module: MODULE, x: 0.0, y: 0.0, open: true}\n"
+"""The file of a map with an own module."""
+
+
+def test_a_map_of_the_folder_has_own_modules_of_the_folder(
+    sim: Client, simulation: Simulation, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir("/")
+    (folder / "parts").mkdir()
+    text = yaml_files.find("module", "straight_road").read_text()
+    (folder / "parts" / "road.yaml").write_text(text.replace("title: ", "title: My "))
+    (folder / "own.yaml").write_text(OWN.replace("MODULE", "parts/road.yaml"))
+    ask(sim, OpenFile("own.yaml"))
+    found = simulation.world.specs.map.modules["parts/road.yaml"].found
+    assert found is not None
+    assert found.title.startswith("My ")
+    sim.edit_map({"next": MapModule("parts/road.yaml", 0.0, 3.0, open=True)})
+    sim.undo()
+    sim.redo()
+    assert [one.placement.module for one in simulation.world.map.modules] == ["parts/road.yaml"] * 2
+    ask(sim, SaveFile("saved"))
+    sim.use_map("plane")
+    ask(sim, OpenFile("saved.yaml"))
+    assert len(simulation.world.map.modules) == 2
+    sim.reset()
+
+
+@pytest.mark.parametrize("module", ["../secret.yaml", "/etc/passwd.yaml", "link.yaml", "parts/../../secret.yaml"])
+def test_own_modules_outside_of_the_folder_are_not_read(
+    sim: Client, simulation: Simulation, folder: Path, module: str
+) -> None:
+    (folder / "link.yaml").symlink_to(folder.parent / "secret.yaml")
+    (folder / "own.yaml").write_text(OWN.replace("MODULE", module))
+    before = simulation.world
+    with pytest.raises(AutodriveError, match=f"module '{module}' is not in the folder 'mine'"):
+        ask(sim, OpenFile("own.yaml"))
+    assert simulation.world is before
 
 
 @pytest.mark.parametrize("name", ["../secret.yaml", "notes.txt", "/etc/passwd", "", "loop", "\0", "mine/../loop.yaml"])

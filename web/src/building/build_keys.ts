@@ -37,6 +37,8 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     const isControlled = event.ctrlKey || event.metaKey
     const act = isControlled ? controlled[event.key.toLowerCase()] : actions[event.code]
     if (!(event.code === 'Enter' && event.repeat)) act?.(event.shiftKey)
+    // Enter then sets the piece in hand, and does not press the button once more
+    if (builder.hand.value) event.target.closest('button')?.blur()
     return act !== undefined || (!isControlled && DRIVING.has(event.code))
   }
 

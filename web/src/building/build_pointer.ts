@@ -26,6 +26,8 @@ const REACH = { fine: 16, coarse: 26 }
 const SLACK = 5
 /** Around the footprint in the drawing of a module [m]. */
 const MARGIN = 0.1
+/** Drawings of modules that were set and are not in the scene yet; of more of them, only the outlines are drawn. */
+const MAX_PICTURES = 20
 /** Radius of the mark of a port [CSS pixels]. */
 const MARK = 9
 
@@ -49,14 +51,15 @@ export function buildPointer(
   view: () => SceneView | null,
 ): HTMLElement {
   const drawing = svg('svg', { class: 'edit-overlay', 'aria-hidden': 'true' })
-  const ghost = document.createElement('img')
-  ghost.className = 'build-ghost'
-  ghost.alt = ''
+  /** Drawings of modules, below the lines. */
+  const pictures: HTMLImageElement[] = []
   const overlay = document.createElement('div')
   overlay.dataset.testid = 'build-overlay'
-  overlay.append(ghost, drawing)
+  overlay.append(drawing)
   const project: Projection = (x, y, z) => view()?.screenPoint(x, y, z) ?? null
   let press: Press | null = null
+  /** The latest drawing. */
+  let before = ''
 
   function portNear(at: Point, reach: number): PortPlace | null {
     const scene = builder.scene
@@ -179,11 +182,16 @@ export function buildPointer(
     const parts: string[] = []
     const isLifted = hand && (hand.kind === 'group' ? !hand.isNew : 'moved' in hand && hand.moved !== '')
     if (!isLifted) for (const part of Object.values(builder.parts)) parts.push(outline(part, 'selected'))
+    const placed = builder.placed.value.flatMap((edit) => edit.parts)
+    for (const part of placed) parts.push(outline(part, 'placed'))
     if (press?.box) parts.push(`<path class="hand" d="${frame(press.start, press.box)}"/>`)
     for (const port of portsOf(scene)) if (port.state !== 'joined') parts.push(mark(port))
     if (hand) parts.push(...drawHand(hand))
-    drawing.innerHTML = parts.join('')
-    showGhost(hand?.kind === 'module' ? hand.part : null)
+    const drawn = parts.join('')
+    if (drawn !== before) drawing.innerHTML = before = drawn
+    const modules = placed.filter((part) => part.type === 'MapModule').slice(0, MAX_PICTURES)
+    const shown = hand?.kind === 'module' ? [...modules, hand.part] : modules
+    for (let i = 0; i < Math.max(shown.length, pictures.length); i++) showPicture(i, shown[i], i >= modules.length)
   }
 
   function drawHand(hand: Hand): string[] {
@@ -210,19 +218,26 @@ export function buildPointer(
     return [line, ...ports.map(mark)]
   }
 
-  /** The drawing of a module where it would be. */
-  function showGhost(part: MapModule | null): void {
+  /** The drawing of a module where it is, or where it would be: a ghost. */
+  function showPicture(i: number, part: MapModule | undefined, isGhost: boolean): void {
     const module = part && builder.module(part)
     const shown = module && placeOf(part, module)
-    ghost.style.display = shown ? '' : 'none'
+    const picture = pictures[i] ?? document.createElement('img')
+    picture.style.display = shown ? '' : 'none'
     if (!module || !shown) return
+    if (!(i in pictures)) {
+      pictures[i] = picture
+      picture.alt = ''
+      drawing.before(picture)
+    }
+    picture.className = isGhost ? 'build-picture ghost' : 'build-picture'
     const address = sceneUrl(module.image).href
-    if (ghost.src !== address) ghost.src = address
+    if (picture.src !== address) picture.src = address
     const [length, width] = [module.length + 2 * MARGIN, module.width + 2 * MARGIN]
-    ghost.style.width = `${100 * length}px`
-    ghost.style.height = `${100 * width}px`
-    ghost.style.clipPath = `inset(${(100 * MARGIN) / width}% ${(100 * MARGIN) / length}%)`
-    ghost.style.transform = transformTo(100 * length, 100 * width, shown)
+    picture.style.width = `${100 * length}px`
+    picture.style.height = `${100 * width}px`
+    picture.style.clipPath = `inset(${(100 * MARGIN) / width}% ${(100 * MARGIN) / length}%)`
+    picture.style.transform = transformTo(100 * length, 100 * width, shown)
   }
 
   /** The corners of the drawing of a module on the screen, from the upper left one. */
@@ -268,6 +283,7 @@ export function buildPointer(
   canvas.addEventListener('pointercancel', end, options)
   store.imageCount.watch(draw)
   store.isBuilding.watch(draw)
+  builder.placed.watch(draw) // at once
   return overlay
 }
 

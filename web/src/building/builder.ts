@@ -37,6 +37,12 @@ export type Hand =
   | { kind: 'wall'; points: Point[]; end: Point | null }
   | { kind: 'block'; points: Point[]; end: Point | null }
 
+/** Parts that the simulator was asked to set, until an image shows them. */
+interface Placed {
+  parts: readonly MapPart[]
+  isSet: boolean
+}
+
 const QUARTER = Math.PI / 2
 const TURN = Math.PI / 12
 /** Parts that one edit may change. */
@@ -49,6 +55,8 @@ export class Builder {
   readonly hand = new Observable<Hand | null>(null)
   /** Names of the selected parts. */
   readonly selected = new Observable<readonly string[]>([])
+  /** Edits whose parts no image of the scene shows yet. */
+  readonly placed = new Observable<readonly Placed[]>([])
   /** Names that this page has used, also of parts that the simulator has not added yet. */
   private readonly taken = new Set<string>()
 
@@ -60,6 +68,7 @@ export class Builder {
       const left = this.selected.value.filter((name) => this.scene?.parts[name])
       if (left.length < this.selected.value.length) this.selected.value = left
     })
+    store.shownScene.watch(() => (this.placed.value = this.placed.value.filter(({ isSet }) => !isSet)))
     store.isBuilding.watch((isBuilding) => {
       if (isBuilding) store.isMeasuring.value = false
       else this.select()
@@ -429,9 +438,16 @@ export class Builder {
   }
 
   private async request(operation: ServerOperation): Promise<boolean> {
+    const { placed, store } = this
+    const parts = operation.type === 'EditMap' ? Object.values(operation.parts) : []
+    const edit = { parts: parts.filter((part) => part !== null), isSet: false }
+    placed.value = [...placed.value, edit]
     const text = await this.actions.textOf(operation)
-    if (text) this.store.warning.value = sentence(text)
-    return text !== null
+    edit.isSet = text !== null // the Scene with it has come
+    if (!edit.isSet || store.shownScene.value === store.scene.value)
+      placed.value = placed.value.filter((one) => one !== edit)
+    if (text) store.warning.value = sentence(text)
+    return edit.isSet
   }
 
   /** The piece of that name at a port, joined by its first port that fits, or by `port`. */

@@ -96,19 +96,22 @@ export function faultsOf({ points, width }: Pick<TrackLine, 'points' | 'width'>,
   const bends = places.map((place, i) => curvature(places[(i + n - 1) % n], place, places[(i + 1) % n]))
   const found = worst(bends, 1 / radius).map((i) => fault('bend', i, 1 / bends[i], radius))
   const apart = Math.ceil((1.7 * gap) / (lengths(places)[n] / n))
-  const nearest = places.map(() => ({ square: Infinity, other: 0 }))
+  // each pair once, in plain arrays: this is most of the work while a point is dragged
+  const [xs, ys] = [0, 1].map((k) => Float64Array.from(places, (place) => place[k]))
+  const squares = new Float64Array(n).fill(Infinity)
+  const others = new Int32Array(n)
   for (let i = 0; i < n; i++)
-    for (let shift = apart; shift <= n - apart; shift++) {
-      const other = (i + shift) % n
-      const [dx, dy] = [places[other][0] - places[i][0], places[other][1] - places[i][1]]
+    for (let other = i + apart; other <= Math.min(i + n - apart, n - 1); other++) {
+      const [dx, dy] = [xs[other] - xs[i], ys[other] - ys[i]]
       const square = dx * dx + dy * dy
-      if (square < nearest[i].square) nearest[i] = { square, other }
+      if (square < squares[i]) [squares[i], others[i]] = [square, other]
+      if (square < squares[other]) [squares[other], others[other]] = [square, i]
     }
   const touching = worst(
-    nearest.map(({ square }) => -square),
+    Array.from(squares, (square) => -square),
     -gap * gap,
   )
-  for (const i of touching) if (i < nearest[i].other) found.push(fault('touch', i, Math.sqrt(nearest[i].square), gap))
+  for (const i of touching) if (i < others[i]) found.push(fault('touch', i, Math.sqrt(squares[i]), gap))
   if (width < WIDTH_MIN) found.push({ kind: 'narrow', at: points[0], point: 0, value: width, least: WIDTH_MIN })
   return found.slice(0, MAX_FAULTS)
 }

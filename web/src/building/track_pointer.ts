@@ -58,6 +58,9 @@ export function trackPointer(
     return gap <= reach ? gaps.indexOf(gap) : -1
   }
 
+  /** The latest drawing. */
+  let before = ''
+
   function begin(event: PointerEvent): void {
     if (!builder.isActive || press || event.button !== 0 || !event.isPrimary) return
     const at: Point = [event.clientX, event.clientY]
@@ -134,7 +137,8 @@ export function trackPointer(
       const name = `track-point${i === builder.selected.value ? ' selected' : ''}${i === 0 ? ' first' : ''}`
       if (at) parts.push(`<circle class="${name}" cx="${at[0].toFixed(1)}" cy="${at[1].toFixed(1)}" r="7"/>`)
     })
-    drawing.innerHTML = parts.join('')
+    const drawn = parts.join('')
+    if (drawn !== before) drawing.innerHTML = before = drawn
   }
 
   /** The start line, with an arrow in driving direction. */

@@ -5,6 +5,7 @@ import { ARROW, OVERLAY_COLOURS } from '../scene/overlay_look'
 import type { Store } from '../store'
 import { h, setText } from './element'
 import { rangeScale } from './range_scale'
+import { scaleFor } from './scales'
 
 type Tint = readonly number[]
 
@@ -29,9 +30,8 @@ export function legend(store: Store, connection: Connection): HTMLElement {
 
   function show(): void {
     for (const [is, of] of parts) of.hidden = !is.value
-    lidar.hidden = !store.isScanShown.value
-    const isStream = store.quality.value === 'stream'
-    element.hidden = isStream || parts.every(([is]) => !is.value)
+    lidar.hidden = !store.isScanShown.value || store.quality.value === 'stream'
+    element.hidden = parts.every(([is]) => !is.value)
   }
 
   let asked = ''
@@ -45,6 +45,9 @@ export function legend(store: Store, connection: Connection): HTMLElement {
   for (const [is] of parts) is.watch(ask)
   store.quality.watch(show)
   store.isScanShown.watch(show)
+  store.contacts.watch((vehicles) => {
+    for (const { force } of Object.values(vehicles)) store.forceScale.value ||= scaleFor(force)
+  })
   store.forceScale.watch((force) => {
     setText(scale, force ? `an arrow of ${Math.round(100 * ARROW)} cm is ${force} N` : 'no forces yet')
   })

@@ -1,6 +1,7 @@
 // The dialog that makes a race track of a picture: its scale, the start line, the driving direction.
 import { type Picture, type PictureOptions, plainSheet, type Sheet } from '../building/picture'
 import type { Observable } from '../observable'
+import { clamp } from '../scene/clamp'
 import { contextOf } from './canvas'
 import { numberField } from './edit'
 import { h, setText } from './element'
@@ -10,6 +11,8 @@ type Point = [number, number]
 /** What a click sets: an end of the line, or the start. */
 type Mode = 'scale' | 'start'
 
+/** Directions of the arrow keys. */
+const STEPS: Record<string, Point> = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowDown: [0, 1], ArrowUp: [0, -1] }
 /** Edge of a pixel that the simulator accepts [m]. */
 const RESOLUTION = { min: 0.0001, max: 10 }
 
@@ -23,8 +26,15 @@ export function askPicture(
   let line: Point[] = []
   let start: Point | null = null
   let mode: Mode = 'scale'
+  /** The cross that the arrow keys move [pixels]. */
+  let cross: Point = [picture.width / 2, picture.height / 2]
 
-  const canvas = h('canvas', { class: 'picture-canvas', testid: 'picture-canvas', onclick: click })
+  const keys = 'Arrow keys move the cross, with Shift by a pixel; Enter sets the point'
+  const canvas = h('canvas', {
+    ...{ class: 'picture-canvas', testid: 'picture-canvas', tabIndex: 0, role: 'application' },
+    ...{ 'aria-label': `Picture. ${keys}.`, title: keys },
+    ...{ onclick: click, onkeydown: onKey, onfocus: () => draw(), onblur: () => draw() },
+  })
   const scaleText = h('p', { testid: 'picture-scale', role: 'status' })
   const modes = segments<Mode>(
     'picture-mode',
@@ -67,10 +77,25 @@ export function askPicture(
 
   function click(event: MouseEvent): void {
     const box = canvas.getBoundingClientRect()
-    const at: Point = [
+    set([
       ((event.clientX - box.left) / box.width) * picture.width,
       ((event.clientY - box.top) / box.height) * picture.height,
-    ]
+    ])
+  }
+
+  function onKey(event: KeyboardEvent): void {
+    const { width, height } = picture
+    const step = event.shiftKey ? 1 : Math.max(1, Math.round(width / 50))
+    const way = STEPS[event.key]
+    if (way) cross = [clamp(cross[0] + step * way[0], [0, width - 1]), clamp(cross[1] + step * way[1], [0, height - 1])]
+    else if (event.key === 'Enter' || event.key === ' ') set(cross)
+    else return
+    event.preventDefault()
+    draw()
+  }
+
+  function set(at: Point): void {
+    cross = at
     if (mode === 'start') start = at
     else {
       line = line.length === 1 ? [...line, at] : [at]
@@ -98,7 +123,7 @@ export function askPicture(
     const size = [picture.width, picture.height].map((one) => `${(one * edge).toFixed(1)} m`).join(' x ')
     const how =
       mode === 'start'
-        ? 'Click the track where the start line shall be.'
+        ? 'Click the track where the start line shall be. Keys: Tab to the picture, arrow keys, Enter.'
         : 'Click two places of which you know the distance. Or drop the YAML file of map_server that belongs to the picture.'
     if (found) setText(scaleText, `${found.name} has the scale. ${how}`)
     else setText(scaleText, edge > 0 ? `The picture is ${size} large. ${how}` : how)
@@ -124,6 +149,14 @@ export function askPicture(
       context.fill()
     }
     if (start) context.fillText('Start', start[0] * fx + 9, start[1] * fy + 4)
+    if (document.activeElement !== canvas || !canvas.matches(':focus-visible')) return
+    const [x, y] = [cross[0] * fx, cross[1] * fy]
+    context.beginPath()
+    for (const [dx, dy] of Object.values(STEPS)) {
+      context.moveTo(x + 4 * dx, y + 4 * dy)
+      context.lineTo(x + 14 * dx, y + 14 * dy)
+    }
+    context.stroke()
   }
 
   async function send(event: SubmitEvent): Promise<void> {

@@ -32,3 +32,11 @@ export function tickText(value: number, step: number): string {
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9))
   return value.toFixed(Math.min(decimals, 4))
 }
+
+/** Force of an arrow of the legend [N]: 1, 2 or 5 times a power of ten, the next above the mean of the forces; 0 without any. */
+export function scaleFor(forces: Float64Array): number {
+  const sizes: number[] = []
+  for (let i = 0; i < forces.length; i += 3) sizes.push(Math.hypot(...forces.subarray(i, i + 3)))
+  const mean = sizes.reduce((sum, size) => sum + size, 0) / (sizes.length || 1)
+  return mean > 1e-6 ? niceStep(mean) : 0
+}

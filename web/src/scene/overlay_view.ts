@@ -2,28 +2,21 @@
 import { Group, Matrix4, Quaternion, Vector3 } from 'three'
 
 import type { CollisionShapes, ContactForces, Pose, Shapes } from '../messages'
-import { niceStep } from '../panels/scales'
 import type { Store } from '../store'
 import { type PlacedObject, quaternion, type WorldState } from './motion'
-import { ARROW, OVERLAY_COLOURS } from './overlay_look'
+import { ARROW, OVERLAY_COLOURS, OVERLAY_SIZES } from './overlay_look'
 import { letters, line, type Place, type Primitive, Strokes, type Tint } from './strokes'
 
 const [SPHERE, CYLINDER] = [2, 5]
-/** Width of lines [m]: at least two pixels. */
-const WIDTH = 0.002
-/** Lines of a circle, and of the side of a cylinder. */
-const [AROUND, SIDES] = [24, 4]
+/** Width of lines [m]: at least two pixels. Lines of a circle, and of the side of a cylinder. */
+const { width: WIDTH, around: AROUND, sides: SIDES } = OVERLAY_SIZES
 /** Fixed shapes are shown within that distance of the vehicle [m], and chosen again when it has moved so far [m]. */
-const NEAR = 3
+const { near: NEAR } = OVERLAY_SIZES
 const MOVED = 0.5
-/** The longest arrow [m]. */
-const LONGEST = 0.5
-/** Length of the axes of a vehicle and of a sensor, height of the letters [m]. */
-const AXIS = 0.12
-const SENSOR_AXIS = 0.05
-const LETTER = 0.018
+/** The longest arrow, length of the axes of a vehicle and of a sensor, height of the letters [m]. */
+const { longest: LONGEST, axis: AXIS, sensor_axis: SENSOR_AXIS, letter: LETTER } = OVERLAY_SIZES
 /** A force on the body of a vehicle is shown so long [ms]: a collision lasts a few milliseconds. */
-const LINGER = 300
+const LINGER = 1000 * OVERLAY_SIZES.linger
 const WHEEL = /^(front|rear)_(left|right)$/
 
 /** What is drawn in the frame of a vehicle or an object. */
@@ -136,7 +129,6 @@ export class OverlayView {
     this.contacts = store.contacts.value
     for (const [key, { until }] of this.bumps) if (until < now) this.bumps.delete(key)
     for (const [name, { parts, position, force }] of Object.entries(this.contacts)) {
-      store.forceScale.value ||= scaleFor(force)
       if (!store.forceScale.value) continue
       const all: Primitive[] = []
       for (const [i, part] of parts.entries()) {
@@ -151,14 +143,6 @@ export class OverlayView {
       this.strokes(name, 'forces').fill(all)
     }
   }
-}
-
-/** Force of an arrow of the legend [N]: 1, 2 or 5 times a power of ten, the next above the mean of the forces; 0 without any. */
-export function scaleFor(forces: Float64Array): number {
-  const sizes: number[] = []
-  for (let i = 0; i < forces.length; i += 3) sizes.push(Math.hypot(...forces.subarray(i, i + 3)))
-  const mean = sizes.reduce((sum, size) => sum + size, 0) / (sizes.length || 1)
-  return mean > 1e-6 ? niceStep(mean) : 0
 }
 
 /** An arrow from a point along a force [N]; `scale`: the force of an arrow of the length `ARROW` [N]. */

@@ -12,71 +12,13 @@ import {
   type WebGLRenderer,
 } from 'three'
 
-/** Least width of a line and diameter of a point [pixels]. */
-const LEAST = 2
-/** Columns and rows of the image with the characters, and size of one [pixels]; characters beyond them are squares. */
+import FRAGMENT from '../../../src/autodrive/graphics/render/shaders/strokes.frag?raw'
+import VERTEX from '../../../src/autodrive/graphics/render/shaders/strokes.vert?raw'
+
+/** Columns and rows of the image with the characters, as in the shader, and size of one [pixels]; characters beyond them are squares. */
 const [COLUMNS, ROWS, WIDTH, HEIGHT] = [32, 16, 32, 64]
 const [POINT, LINE, CHARACTER] = [0, 1, 2]
 const NO_CHARACTER = '\u25a1'
-
-const VERTEX = /* glsl */ `
-in vec3 begin;
-in vec3 end;
-in vec4 tint;
-in vec4 shape;  // kind, size [m], place in the text, number of the character
-uniform vec2 image;
-out vec4 shade;
-out vec2 place;
-flat out float kind;
-void main() {
-  shade = tint;
-  kind = shape.x;
-  place = position.xy;
-  vec3 a = (modelViewMatrix * vec4(begin, 1.0)).xyz;
-  vec3 b = (modelViewMatrix * vec4(end, 1.0)).xyz;
-  float near = -0.01;
-  if (kind == ${LINE}.0) {
-    // the part in front of the camera
-    if (a.z > near && b.z <= near) a = mix(b, a, (near - b.z) / (a.z - b.z));
-    if (b.z > near && a.z <= near) b = mix(a, b, (near - a.z) / (b.z - a.z));
-  }
-  vec3 seen = position.x > 0.0 ? b : a;
-  float pixel = 2.0 * max(-seen.z, 0.01) / (projectionMatrix[1][1] * image.y);
-  float half_size = 0.5 * max(shape.y, kind == ${CHARACTER}.0 ? 0.0 : ${LEAST}.0 * pixel);
-  vec2 offset = half_size * position.xy;
-  if (kind == ${LINE}.0) {
-    vec2 along = b.xy / max(-b.z, 0.01) - a.xy / max(-a.z, 0.01);
-    along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
-    offset = half_size * (position.x * along + position.y * vec2(-along.y, along.x));
-  } else if (kind == ${CHARACTER}.0) {
-    offset = half_size * vec2(0.5 * position.x + shape.z, position.y);
-    float number = shape.w;
-    place = vec2(mod(number, ${COLUMNS}.0), floor(number / ${COLUMNS}.0));
-    place = (place + vec2(0.5 + 0.5 * position.x, 0.5 - 0.5 * position.y)) / vec2(${COLUMNS}.0, ${ROWS}.0);
-  }
-  gl_Position = projectionMatrix * vec4(seen.xy + offset, seen.z, 1.0);
-  // in front of the ground that it lies on, also for a camera just above it
-  vec3 ray = normalize((vec4(seen, 0.0) * viewMatrix).xyz);
-  float lift = half_size / max(abs(ray.z), 0.1) + 0.004;
-  vec4 lifted = projectionMatrix * vec4(seen * max(1.0 - lift / length(seen), 0.1), 1.0);
-  gl_Position.z = lifted.z / lifted.w * gl_Position.w;
-  if (seen.z > near) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
-}
-`
-const FRAGMENT = /* glsl */ `
-uniform sampler2D characters;
-in vec4 shade;
-in vec2 place;
-flat in float kind;
-out vec4 pixel;
-void main() {
-  float far = kind == ${POINT}.0 ? length(place) : abs(place.y);
-  float cover = clamp((1.0 - far) / max(fwidth(far), 1e-4), 0.0, 1.0);
-  if (kind == ${CHARACTER}.0) cover = texture(characters, place).a;
-  pixel = vec4(shade.rgb, shade.a * cover);
-  if (pixel.a < 0.01) discard;
-}
-`
 
 /** Instances of a quad; they are placed by the matrix of `mesh`. */
 export class Strokes {

@@ -1,13 +1,13 @@
 // The 3D view of the page: draws the contents of the store at the refresh rate of the screen.
-import { Vector3 } from 'three'
+import { Matrix4, Vector3 } from 'three'
 
 import type { Frame, Scene } from '../messages'
+import { Observable } from '../observable'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { sceneUrl } from './assets'
 import { DrawingView } from './drawing_view'
 import { EditCamera } from './edit_camera'
-import { FlatDrawings } from './flat_drawings'
 import { type Asset, loadAsset } from './glb'
 import { drawLabels, Labels } from './labels'
 import { MotionInterpolator } from './motion'
@@ -62,6 +62,10 @@ const WHEEL = { passive: false, capture: true }
 const STREAM_ASPECT = 16 / 9
 /** Time between two images that the page draws while it waits for the first one of the simulator [s]. */
 const WAITING_PERIOD = 0.5
+/** Motion is drawn that long after the latest Frame, which is shown with a delay [s]. */
+const SETTLING = 0.5
+/** An image that takes longer leaves as much time to the rest of the page, before one that shows only motion [s]. */
+const SLOW_IMAGE = 0.05
 /** First distance of the camera in Build mode; 1: that of Edit mode. */
 const BUILD_DISTANCE = 1.8
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
@@ -77,7 +81,6 @@ class View implements SceneView {
   private readonly trailView = new TrailView()
   private readonly drawingView = new DrawingView()
   private readonly overlayView = new OverlayView()
-  private readonly flatDrawings: FlatDrawings
   private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
@@ -86,8 +89,20 @@ class View implements SceneView {
   private readonly cleanups: (() => void)[] = []
   private scene: Scene | null = null
   private world: World | null = null
+  /** The World before, until the first image of the next one: it then has the same compiled shaders. */
+  private replaced: World | null = null
+  /** Whether the World of an edited scene is being made: no image shows the old one meanwhile. */
+  private isReplaced = false
   private profile: Profile
   private before = 0
+  /** Wall times of the latest image, and of the latest Frame and other change that it may not show yet [s]. */
+  private drawnAt = 0
+  private movedAt = 0
+  private changedAt = 0
+  /** Time that the latest image took, until the page could draw the next one [s]. */
+  private took = 0
+  /** The camera of the latest image. */
+  private readonly drawnFrom = [new Matrix4(), new Matrix4()]
   private images = 0
   private counted = 0
   private turned = 0
@@ -107,7 +122,6 @@ class View implements SceneView {
     this.labels = new Labels(canvas)
     this.scan = new ScanView(store.scanFarthest)
     this.editCamera = new EditCamera(canvas)
-    this.flatDrawings = new FlatDrawings(canvas) // before the image, which is then below it
     this.remote = new RemoteImage(canvas)
     this.remote.onImage = () => this.countStreamed()
     if (!this.renderer) this.useRemoteView(NO_WEBGL)
@@ -174,7 +188,6 @@ class View implements SceneView {
     ;[picture.width, picture.height] = [image.width, image.height]
     if (picture.width === 0 || picture.height === 0) return null
     context.drawImage(image, 0, 0)
-    if (isStream) this.flatDrawings.addTo(context, image.width, image.height)
     if (!isStream) drawLabels(context, this.labels.all, image.width / width)
     if (profile.pixelRatio < 1) this.resize()
     return new Promise((done) => picture.toBlob(done, 'image/png'))
@@ -189,11 +202,13 @@ class View implements SceneView {
     this.renderer.resize(width, height, this.profile)
     this.scan.pixelRatio = this.renderer.ratio
     if (this.world) this.world.height = height * this.renderer.ratio
+    this.changedAt = performance.now() / 1000
   }
 
   dispose(): void {
     cancelAnimationFrame(this.animation)
     for (const cleanup of this.cleanups) cleanup()
+    this.forget()
     this.world?.dispose()
     this.scan.dispose()
     this.labels.dispose()
@@ -203,7 +218,6 @@ class View implements SceneView {
     this.viewpoints.dispose()
     this.editCamera.dispose()
     this.remote.dispose()
-    this.flatDrawings.dispose()
     this.renderer?.dispose()
   }
 
@@ -217,6 +231,20 @@ class View implements SceneView {
       store.quality.watch(() => this.setQuality()),
       store.rendered.watch((image) => image && store.quality.value === 'stream' && this.remote.show(image)),
     )
+    const change = () => {
+      this.changedAt = performance.now() / 1000
+    }
+    const others: unknown[] = [store.frame, store.status, store.frameRate, store.imageCount, store.shownScene]
+    for (const one of Object.values(store))
+      if (one instanceof Observable && !others.includes(one)) {
+        let before = one.value
+        this.cleanups.push(
+          one.watch((value) => {
+            if (value !== before) change()
+            before = value
+          }),
+        )
+      }
     const wheel = (event: WheelEvent) => this.zoom(event)
     canvas.addEventListener('wheel', wheel, WHEEL)
     const size = new ResizeObserver(() => this.resize())
@@ -229,7 +257,10 @@ class View implements SceneView {
     const shown = () => this.choice.restart(performance.now() / 1000)
     document.addEventListener('visibilitychange', shown)
     this.cleanups.push(() => document.removeEventListener('visibilitychange', shown))
-    const restored = () => this.world?.invalidateShadows()
+    const restored = () => {
+      this.world?.invalidateShadows()
+      change()
+    }
     canvas.addEventListener('webglcontextrestored', restored)
     this.cleanups.push(() => canvas.removeEventListener('webglcontextrestored', restored))
   }
@@ -238,7 +269,8 @@ class View implements SceneView {
     // a Frame before the first Scene cannot be drawn
     const scene = this.store.scene.value
     if (!scene) return
-    this.motion.add(frame, performance.now() / 1000)
+    this.movedAt = performance.now() / 1000
+    this.motion.add(frame, this.movedAt)
     this.trails.add(frame, (vehicle) => scene.vehicles[vehicle]?.wheel_radius ?? 0)
   }
 
@@ -247,6 +279,7 @@ class View implements SceneView {
     const isEdited = scene !== null && this.scene?.scenario === scene.scenario
     if (!isEdited) this.trails.reset()
     this.scene = scene
+    this.isReplaced = isEdited
     if (this.store.quality.value === 'stream') this.startStream()
     this.motion.clear()
     this.scan.clear()
@@ -277,15 +310,25 @@ class View implements SceneView {
 
   /** Builds the world for the current scene and profile. */
   private build(): void {
-    const { scene, world: before } = this
+    const { scene } = this
     const isLoaded = scene && [scene.model, ...scene.ground].every((address) => this.assets.has(address))
+    this.forget()
+    this.replaced = this.world
+    this.isReplaced = false
     this.world = isLoaded ? new World(scene, this.assets, this.profile) : null
-    before?.dispose() // now, so that the new World has the same compiled shaders
-    for (const asset of this.dropped.splice(0)) release(asset)
     if (!this.world) return
     this.world.scene.add(this.scan.group, this.trailView.mesh, this.drawingView.mesh, this.overlayView.group)
-    this.resize()
-    this.choice.restart(performance.now() / 1000)
+    this.world.height = this.canvas.clientHeight * (this.renderer?.ratio ?? 1)
+    this.changedAt = performance.now() / 1000
+    this.choice.restart(this.changedAt)
+  }
+
+  /** Frees the World before, and what only it had. */
+  private forget(): void {
+    if (!this.replaced) return
+    this.replaced.dispose()
+    this.replaced = null
+    for (const asset of this.dropped.splice(0)) release(asset)
   }
 
   private setQuality(): void {
@@ -311,7 +354,13 @@ class View implements SceneView {
     this.store.isStreamStarting.value = true
   }
 
+  /** An image shows the present Scene. */
+  private showed(): void {
+    if (this.store.shownScene.value !== this.scene) this.store.shownScene.value = this.scene
+  }
+
   private countStreamed(): void {
+    this.showed()
     this.images++
     if (this.store.isStreamStarting.value) this.store.isStreamStarting.value = false
   }
@@ -342,14 +391,28 @@ class View implements SceneView {
     const dt = Math.max(0, now - this.before)
     const isWaiting = this.store.quality.value === 'stream' && !this.remote.hasImage
     if (isWaiting && dt < WAITING_PERIOD) return
+    const wasDrawn = this.before === this.drawnAt
     this.before = now
     if (document.hidden) return
     this.count(now)
+    if (wasDrawn) this.took = dt
     if (this.render(now, Math.min(dt, 0.25))) {
+      this.drawnAt = now
       this.remote.hide()
-      if (this.store.quality.value === 'auto') this.judge(dt, now)
+      if (wasDrawn && this.store.quality.value === 'auto') this.judge(dt, now)
     }
     this.store.imageCount.value += 1
+  }
+
+  /** Whether the next image would be another one than the latest; always true unless the map is viewed. */
+  private isNew(now: number): boolean {
+    if (!this.store.isMapViewed) return true
+    if (this.isReplaced) return false
+    if (this.changedAt >= this.drawnAt) return true
+    const { matrixWorld, projectionMatrix } = this.viewpoints.camera
+    if (![matrixWorld, projectionMatrix].every((one, i) => one.equals(this.drawnFrom[i]))) return true
+    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
+    return now < this.movedAt + SETTLING && now >= this.drawnAt + pause
   }
 
   /** Moves cameras, scan, labels and driven lines, and draws; returns whether an image was drawn. */
@@ -372,8 +435,9 @@ class View implements SceneView {
     } else this.editCamera.close()
     up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)
     this.labels.update(state.vehicles, followed, (x, y, z) => this.screenPoint(x, y, z), up)
-    this.flatDrawings.update(store, viewpoints.camera, isStream)
-    if (isStream || !renderer || !world) return false
+    if (isStream || !renderer || !world || !this.isNew(now)) return false
+    for (const [i, one] of [viewpoints.camera.matrixWorld, viewpoints.camera.projectionMatrix].entries())
+      this.drawnFrom[i].copy(one)
     const scan = store.isScanShown.value ? (store.scans.get(followed) ?? null) : null
     this.scan.show(scan, followed, spec.lidar, motion)
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
@@ -381,6 +445,8 @@ class View implements SceneView {
     this.overlayView.update(store, state, vehicle)
     this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
     renderer.render(world, viewpoints.camera, state, followed, dt)
+    this.forget()
+    this.showed()
     this.images++
     return now > 0
   }

@@ -205,7 +205,10 @@ export class World {
   }
 
   private textures(model: Asset): Texture[] {
-    return model.images.map((image) => {
+    const before = textured.get(model)
+    if (before?.profile === this.profile) return before.textures
+    for (const texture of before?.textures ?? []) texture.dispose()
+    const textures = model.images.map((image) => {
       const texture = new Texture(image)
       texture.flipY = false
       texture.colorSpace = SRGBColorSpace
@@ -214,9 +217,10 @@ export class World {
       texture.magFilter = LinearFilter
       texture.anisotropy = this.profile.anisotropy
       texture.needsUpdate = true
-      this.disposables.push(texture)
       return texture
     })
+    textured.set(model, { profile: this.profile, textures })
+    return textures
   }
 
   private keep(geometry: BufferGeometry): BufferGeometry {
@@ -338,6 +342,8 @@ export class World {
 
 /** The geometry of parts of the ground, which the next World has again if an edit did not change them. */
 const made = new WeakMap<Asset, MeshPart[]>()
+/** The textures of assets, for a profile, also for the next World. */
+const textured = new WeakMap<Asset, { profile: Profile; textures: Texture[] }>()
 
 function groundParts(part: Asset): MeshPart[] {
   const parts = made.get(part) ?? meshParts(part, new Skeleton(part.nodes), 'full', false)
@@ -349,6 +355,8 @@ function groundParts(part: Asset): MeshPart[] {
 export function release(part: Asset): void {
   for (const { geometry } of made.get(part) ?? []) geometry.dispose()
   made.delete(part)
+  for (const texture of textured.get(part)?.textures ?? []) texture.dispose()
+  textured.delete(part)
 }
 
 function asset(assets: Assets, address: string): Asset {

@@ -35,7 +35,7 @@ class Broadcast:
         self.files: dict[str, File] = {}
         """The scene files, by path."""
         self.queue = FrameQueue(served.simulation, self._take_items)
-        self.remote_views = RemoteViews(served.renderer_factory)
+        self.remote_views = RemoteViews(served.renderer_factory, self.watch_contacts)
         self.note = ""
         """A long operation that runs now, for the Status."""
         self._simulation = served.simulation
@@ -76,7 +76,8 @@ class Broadcast:
     def watch_contacts(self) -> None:
         """Let the World report contact forces if a client wants them."""
         if self._world is not None:
-            self._world.watch_contacts(any(client.subscription.contacts for client in self._clients))
+            is_wanted = any(client.subscription.contacts for client in self._clients)
+            self._world.watch_contacts(is_wanted or self.remote_views.wants_forces)
 
     def _take_items(self) -> None:
         for item in self.queue.take():
@@ -96,6 +97,7 @@ class Broadcast:
         if self._world is not None and self.encoded.set_drawings(self._world.drawings):
             for client in self._clients:
                 client.on_drawings()
+            self.remote_views.redraw(self._loop.time())
 
     def _hold(self, item: FrameUpdate | Completion) -> None:
         """Keep an item for later: of consecutive updates the last of the World that is being loaded, and the last."""

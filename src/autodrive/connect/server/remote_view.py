@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.errors import AutodriveError
+from autodrive.graphics.cameras.overlays import Marks
 from autodrive.protocol.codec import encode
-from autodrive.protocol.native import Error, Rendered, SensorView, SetCamera, ViewSensor
+from autodrive.protocol.native import Error, Rendered, SensorView, SetCamera, Shapes, ViewSensor
+from autodrive.world.contacts import shapes_of
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
@@ -44,14 +46,19 @@ class _RemoteView:
 class RemoteViews:
     """Renders the latest Frame, one image at a time for each client. Used in the server's event loop.
 
-    `renderer_factory` starts the process that renders a World; it is called for the first view.
+    `renderer_factory` starts the process that renders a World; it is called for the first view. `on_change` is called
+    when views have changed.
     """
 
-    def __init__(self, renderer_factory: Callable[[World], SceneViews]) -> None:
+    def __init__(
+        self, renderer_factory: Callable[[World], SceneViews], on_change: Callable[[], None] = lambda: None
+    ) -> None:
+        self._on_change = on_change
         self._renderer_factory = renderer_factory
         self._world: World | None = None
         self._process: SceneViews | None = None
         self._views: dict[_Key, _RemoteView] = {}
+        self._shapes: tuple[World, Shapes] | None = None
         self._latest: Frame | None = None
         self._count = 0
 
@@ -86,6 +93,7 @@ class RemoteViews:
             self._views[key] = _RemoteView(self._count, camera)
         view = self._views[key]
         view.camera, view.frame, view.next = camera, None, 0.0
+        self._on_change()
         self._render(key, view, now)
 
     def forget(self, client: ConnectedClient) -> None:
@@ -97,12 +105,25 @@ class RemoteViews:
         view = self._views.pop(key, None)
         if view is not None and self._process is not None:
             self._process.forget(view.number)
+        self._on_change()
 
     def offer(self, frame: Frame, now: float) -> None:
         """Render a new Frame for all clients where an image is due."""
         self._latest = frame
         for key, view in list(self._views.items()):
             self._render(key, view, now)
+
+    @property
+    def wants_forces(self) -> bool:
+        """Whether a view shows contact forces."""
+        return any(isinstance(of.camera, SetCamera) and of.camera.force_scale > 0.0 for of in self._views.values())
+
+    def redraw(self, now: float) -> None:
+        """Render the latest Frame again, with drawings that are new."""
+        for key, view in list(self._views.items()):
+            if isinstance(view.camera, SetCamera) and view.camera.drawings:
+                view.frame = None
+                self._render(key, view, now)
 
     def _render(self, key: _Key, view: _RemoteView, now: float) -> None:
         """Render the latest Frame, unless it was rendered, an image is being rendered, or it is too early."""
@@ -125,7 +146,18 @@ class RemoteViews:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(self._send, key, view, frame, image)
 
-        process.draw(view.number, view.camera, frame).add_done_callback(deliver)
+        process.draw(view.number, view.camera, frame, self._marks()).add_done_callback(deliver)
+
+    def _marks(self) -> Marks:
+        world = self._world
+        assert world is not None
+        return Marks(world.drawings, lambda: self._shapes_of(world), world.contact_forces)
+
+    def _shapes_of(self, world: World) -> Shapes:
+        """Made once for each World."""
+        if self._shapes is None or self._shapes[0] is not world:
+            self._shapes = world, shapes_of(world.compiled)
+        return self._shapes[1]
 
     def _render_now(self, key: _Key, view: _RemoteView) -> None:
         view.is_scheduled = False

@@ -29,9 +29,9 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
-MAP_EDITS, CLIENT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 1.0
-"""Such requests of one client may use that time at once [s]: a person makes several edits in a row. Its share is the
-same, and other requests wait for their share each."""
+MAP_EDITS, EDIT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 8.0
+"""Such requests have a share of their own, and may use that time at once [s], those of one client and those of all: a
+person makes many edits in a row. Other requests of a client wait for their share each."""
 
 REPLACED = (
     Reset,
@@ -64,12 +64,29 @@ class Entry:
     """Time at which the simulation had executed it [s]."""
 
 
+class Limits:
+    """Of the time that requests use: of edits of a map, and of others, which may use `burst` at once [s]."""
+
+    def __init__(self, burst: float) -> None:
+        now = time.perf_counter()
+        self._edits = TokenBucket(SHARE, EDIT_BURST, now)
+        self._others = TokenBucket(SHARE, burst, now)
+
+    def of(self, operation: ServerOperation) -> TokenBucket:
+        """The limit of an operation."""
+        return self._edits if isinstance(operation, MAP_EDITS) else self._others
+
+    def pay(self, operation: ServerOperation, work: float, now: float) -> None:
+        """An operation took that time [s] and has just ended: the next ones wait for their share."""
+        self.of(operation).tokens(now)
+        self.of(operation).take(work)
+
+
 @dataclass
 class RequestQueue:
     """The requests of one client that wait. Times are those of any steady clock [s]."""
 
-    limit: TokenBucket = field(default_factory=lambda: TokenBucket(SHARE, CLIENT_BURST, time.perf_counter()))
-    """Of the time that its requests use."""
+    limits: Limits = field(default_factory=lambda: Limits(0.0))
     is_busy: bool = False
     """Whether a request is being executed."""
     _entries: deque[Entry] = field(default_factory=deque)
@@ -85,13 +102,6 @@ class RequestQueue:
         else:
             self._entries.append(Entry(request.operation, [request.id], size))
         return True
-
-    def pay(self, operation: ServerOperation, work: float, now: float) -> None:
-        """An operation took that time [s] and has just ended: the next one waits for its share."""
-        saved = self.limit.tokens(now) - SHARE * work  # before the operation
-        if not isinstance(operation, MAP_EDITS):
-            self.limit.take(max(saved, 0.0))
-        self.limit.take(work)
 
     @property
     def is_idle(self) -> bool:

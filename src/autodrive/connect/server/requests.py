@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
-from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, SHARE, Entry, RequestQueue
+from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, Entry, Limits, RequestQueue
 from autodrive.protocol.messages import (
     AddBox,
     Frame,
@@ -93,8 +92,8 @@ class Turn(NamedTuple):
 class Requests:
     """Used in the server's event loop. `on_change` is called when the Status changes.
 
-    While time runs, the requests of a client, and those of all clients together, use at most `SHARE` of the time. A
-    client that connects again waits for its turn like the others.
+    While time runs, edits of a map use at most `SHARE` of the time, and so do the other requests, those of a client
+    and those of all clients together. A client that connects again waits for its turn like the others.
     """
 
     def __init__(
@@ -127,7 +126,7 @@ class Requests:
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
         """The queue of each client; the client whose turn is next comes first."""
-        self._limit = TokenBucket(SHARE, BURST, time.perf_counter())
+        self._limits = Limits(BURST)
         self._is_busy = False
         """Whether the simulation executes a request."""
         self._timer: asyncio.Handle | None = None
@@ -167,11 +166,12 @@ class Requests:
         for client, queue in list(self._queues.items()):
             if (entry := queue.next) is None:
                 continue
-            free_at = queue.limit.free_at
+            free_at = queue.limits.of(entry.operation).free_at
             if not isinstance(entry.operation, OF_SERVER):
                 if self._is_busy:
                     continue
-                free_at = max(free_at, -math.inf if self._simulation.is_paused else self._limit.free_at)
+                if not self._simulation.is_paused:
+                    free_at = max(free_at, self._limits.of(entry.operation).free_at)
             if now < free_at:
                 earliest = min(earliest, free_at)
                 continue
@@ -253,10 +253,9 @@ class Requests:
             one.queue.is_busy = False
             if is_limited:
                 work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-                one.queue.pay(entry.operation, work, now)
+                one.queue.limits.pay(entry.operation, work, now)
         if is_limited and not is_of_server:
-            self._limit.tokens(now)
-            self._limit.take(entry.ended - entry.started)
+            self._limits.pay(entry.operation, entry.ended - entry.started, now)
         if isinstance(entry.operation, LoadScenario):
             self.note = ""
             self._on_change()

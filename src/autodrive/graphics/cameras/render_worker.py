@@ -27,6 +27,7 @@ from autodrive.graphics.cameras.false_colours import depth_colours, label_colour
 from autodrive.graphics.cameras.rig import CameraArray, CameraRig
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
+from autodrive.graphics.render.strokes import Strokes
 from autodrive.physics.sensors.camera_view import View
 
 JPEG_QUALITY = 80
@@ -51,6 +52,8 @@ class Jpeg(NamedTuple):
     content: Literal["image", "depth", "labels"] = "image"
     farthest: float = 0.0
     """Depth at which the colours end [m]."""
+    strokes: Strokes | None = None
+    """What is drawn into the image."""
 
 
 Target: TypeAlias = CameraImages | Jpeg
@@ -136,9 +139,11 @@ def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Draw
 
 def _jpeg(renderer: Renderer, state: RenderState, target: Jpeg) -> bytes:
     content = target.content
-    [image] = renderer.draw(state, [target.view], depth=content == "depth", labels=content == "labels")
+    wanted = {"depth": content == "depth", "labels": content == "labels", "strokes": target.strokes}
+    [image] = renderer.draw(state, [target.view], **wanted)
     if content == "image":
-        return simplejpeg.encode_jpeg(image.rgba, quality=JPEG_QUALITY, colorspace="RGBX", colorsubsampling="420")
+        sampling = "444" if target.strokes else "420"  # thin lines keep their colours
+        return simplejpeg.encode_jpeg(image.rgba, quality=JPEG_QUALITY, colorspace="RGBX", colorsubsampling=sampling)
     if image.depth is not None:
         pixels = depth_colours(image.depth, target.farthest)
     else:

@@ -85,7 +85,8 @@ class CameraArray:
         now = tick * self._rig.substeps
         rows = [state.vehicles[self._rig.slots[number].row] for number in numbers]
         views = [self.cameras[number].views(row, state.time) for number, row in zip(numbers, rows, strict=True)]
-        rendered = iter(renderer.draw(state, [view for own in views for view in own], **self._extras))
+        all_views = [view for own in views for view in own]
+        rendered = iter(renderer.draw(state, all_views, depth=self._extras["depth"], labels=self._extras["labels"]))
         return [
             self.cameras[number].image_from([next(rendered) for _ in own], row, now)
             for number, own, row in zip(numbers, views, rows, strict=True)

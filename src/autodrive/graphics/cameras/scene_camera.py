@@ -55,12 +55,14 @@ def check_view(view: SetCamera, vehicles: Sequence[str]) -> None:
         raise AutodriveError(f"vehicle '{view.vehicle}' is not known. {suggest(view.vehicle, list(vehicles))}")
     if view.vehicle is None and not vehicles and view.camera != "Fly":
         raise AutodriveError("a scene camera follows a vehicle, and this scenario has none")
-    for name in ("height", "azimuth", "elevation", "distance", "position"):
+    for name in ("height", "azimuth", "elevation", "distance", "position", "force_scale"):
         value = getattr(view, name)
         if not all(map(math.isfinite, value if name == "position" else (value,))):
             raise AutodriveError(f"{name} of a scene camera must be finite, not {value}")
     if not LEAST_ZOOM <= view.zoom <= MOST_ZOOM:
         raise AutodriveError(f"zoom of a scene camera must be {LEAST_ZOOM:g} to {MOST_ZOOM:g}, not {view.zoom}")
+    if not 0.0 <= view.force_scale <= 1e9:
+        raise AutodriveError(f"force_scale of a scene camera must be 0 to 1e9 N, not {view.force_scale}")
 
 
 def check_sensor(view: ViewSensor, slots: Sequence[CameraSlot]) -> CameraSlot:

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
+from autodrive.graphics.cameras.overlays import Marks, Overlays
 from autodrive.graphics.cameras.render_process import RenderProcess, failed
 from autodrive.graphics.cameras.render_worker import Drawn, Jpeg
 from autodrive.graphics.cameras.scene_camera import SceneCamera, check_sensor, check_view, image_size, sensor_view
@@ -34,7 +35,7 @@ class SceneViews:
         self._slots = slots
         self._clock = clock
         self._lock = threading.Lock()
-        self._cameras: dict[int, SceneCamera] = {}
+        self._cameras: dict[int, tuple[SceneCamera, Overlays]] = {}
         self.process = RenderProcess(rig, "scene cameras")
         """What draws; its `error` says why there are no images."""
 
@@ -47,8 +48,10 @@ class SceneViews:
         if self.process.error:
             raise AutodriveError(self.process.error)
 
-    def draw(self, client: int, view: SetCamera | ViewSensor, frame: Frame) -> Future[Drawn]:
-        """The JPEG image of that Frame; `client`: a number that identifies the client.
+    def draw(
+        self, client: int, view: SetCamera | ViewSensor, frame: Frame, marks: Marks | None = None
+    ) -> Future[Drawn]:
+        """The JPEG image of that Frame; `client`: a number that identifies the client; `marks`: for its overlays.
 
         While an image of that client is still waiting, its view and Frame are replaced and the same Future is
         returned. The Future fails with an `AutodriveError` if nothing can be drawn; the call itself never raises.
@@ -62,9 +65,11 @@ class SceneViews:
             seen = sensor_view(view, check_sensor(view, self._slots), frame)
             return self.process.draw(client, frame, Jpeg(seen, view.content, view.farthest))
         with self._lock:
-            camera = self._cameras.setdefault(client, SceneCamera(self._contents.vehicles))
-            viewpoint = camera.viewpoint(view, frame, self._clock())
-        return self.process.draw(client, frame, Jpeg(viewpoint.view(*image_size(view.width))))
+            new = SceneCamera(self._contents.vehicles), Overlays()
+            camera, overlays = self._cameras.setdefault(client, new)
+            viewpoint = camera.viewpoint(view, frame, now := self._clock())
+            strokes = overlays.strokes(view, frame, marks, now) if marks else None
+        return self.process.draw(client, frame, Jpeg(viewpoint.view(*image_size(view.width)), strokes=strokes))
 
     def forget(self, client: int) -> None:
         """That client has left or draws itself; its waiting image fails."""

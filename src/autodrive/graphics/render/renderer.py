@@ -21,6 +21,7 @@ from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
 from autodrive.graphics.render.shadows import BONES, Shadows, columns
+from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.render.look import Air, Daylight
     from autodrive.graphics.render.render_state import RenderState
     from autodrive.graphics.render.scene import RenderScene
+    from autodrive.graphics.render.strokes import Strokes
 
 STREAKS, FLAKES, DROPS = 260, 500, 14
 """Rain streaks, snow flakes, and drops on the lens, in an image of the heaviest rain and snow."""
@@ -142,6 +144,7 @@ class Renderer:
         self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
         self._sky = cache(self._new_sky)
         self._plain = cache(self._new_plain)
+        self._stroke_pass = cache(lambda: StrokePass(context))
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -156,13 +159,21 @@ class Renderer:
         self._context.release()
 
     def draw(
-        self, state: RenderState, views: Sequence[View], *, depth: bool = False, labels: bool = False
+        self,
+        state: RenderState,
+        views: Sequence[View],
+        *,
+        depth: bool = False,
+        labels: bool = False,
+        strokes: Strokes | None = None,
     ) -> list[RenderedImage]:
-        """One image of that state for each view, in the order of the views."""
+        """One image of that state for each view, in the order of the views; `strokes` are drawn into all."""
         with self._context:  # current only while it draws: the next call may come from another thread
-            return self._drawn(state, views, depth=depth, labels=labels)
+            return self._drawn(state, views, strokes, depth=depth, labels=labels)
 
-    def _drawn(self, state: RenderState, views: Sequence[View], *, depth: bool, labels: bool) -> list[RenderedImage]:
+    def _drawn(
+        self, state: RenderState, views: Sequence[View], strokes: Strokes | None, *, depth: bool, labels: bool
+    ) -> list[RenderedImage]:
         self._context.front_face = "ccw"
         self._draw_list.set(state, views)
         self._frame.write(self._draw_list.frame.tobytes())
@@ -174,6 +185,8 @@ class Renderer:
             target.begin()
             self._use_behind(number, view)
             self._draw_colors(view, state.look, state.time, state.is_day)
+            if strokes is not None:
+                self._stroke_pass().draw(strokes, view)
         for target in targets:
             target.finish()
         images = [RenderedImage(target.read()) for target in targets]

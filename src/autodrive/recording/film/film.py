@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from autodrive.base.cache import check_writable
 from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
+from autodrive.graphics.cameras.overlays import NONE, strokes_of_drawings
 from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.cameras.scene_camera import CAMERAS, SceneCamera, check_view
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
+from autodrive.graphics.render.strokes import Strokes
 from autodrive.protocol.native import Drawn, SetCamera
-from autodrive.recording.film.drawings import with_drawings
 from autodrive.recording.film.overlay import with_overlay
 from autodrive.recording.film.video import Video
 from autodrive.world.cameras import camera_rig
@@ -144,9 +145,8 @@ class _Shooting:
         _set_light(state, self._options.light)
         if self._slot is None:
             viewpoint = self._scene_camera.viewpoint(self._view, frame, now)
-            shown = [one.drawing for one in drawings.values() if one.drawing and one.until > frame.time]
-            drawn = self._renderer.draw(state, [viewpoint.view(*self.size)], depth=bool(shown))[0]
-            rgba = drawn.rgba if drawn.depth is None else with_drawings(drawn.rgba, drawn.depth, shown, viewpoint)
+            strokes = Strokes(strokes_of_drawings(drawings.values(), frame.time), NONE)
+            rgba = self._renderer.draw(state, [viewpoint.view(*self.size)], strokes=strokes)[0].rgba
         else:
             rgba = self._cameras.capture(self._renderer, state, frame.tick, [self._slot])[0].rgba
         image = rgba[..., :3]

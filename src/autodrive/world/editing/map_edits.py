@@ -27,7 +27,7 @@ from autodrive.protocol.messages import (
     UseMap,
 )
 from autodrive.scenario.descriptions import Descriptions, Specs
-from autodrive.scenario.files import described, read_map
+from autodrive.scenario.files import described, module_of, read_map
 from autodrive.scenario.maps.props import PropSpec
 from autodrive.scenario.maps.solids import BlockSpec, WallSpec
 from autodrive.scenario.maps.spec import DescribedMap, MapSpec, Placement
@@ -54,13 +54,16 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
         if edit.name not in known:
             raise CommandError(f"map '{edit.name}' is not known. {suggest(edit.name, known)}")
         return _with_map(specs, edit.name, read_map(edit.name)[0])
-    folder = Path(specs.map.path).parent.absolute()
-    modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in specs.map.modules.items()}
+    modules = specs.map.modules
+    if specs.map.path:
+        folder = Path(specs.map.path).parent.absolute()
+        modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in modules.items()}
     if isinstance(edit, UseMap):
         source = yaml_files.Source(edit.text, "the text of the map")
         if is_track(source.tree):
             return _with_track(specs, yaml_files.checked_source(source, TrackSpec))
         spec = yaml_files.checked_source(source, MapSpec)
+        modules = {**modules} | {name: module_of(name, text) for name, text in edit.modules.items()}
         _check_modules((one.module for one in spec.placements), modules)
         spec = checked({key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}, MapSpec)
         return _with_map(specs, spec, read_map(spec, known=modules)[0])

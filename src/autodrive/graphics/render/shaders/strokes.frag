@@ -1,0 +1,12 @@
+uniform sampler2D characters;
+in vec4 shade;
+in vec2 place;
+flat in float kind;
+out vec4 pixel;
+void main() {
+  float far = kind == 0.0 ? length(place) : abs(place.y);
+  float cover = clamp((1.0 - far) / max(fwidth(far), 1e-4), 0.0, 1.0);
+  if (kind == 2.0) cover = texture(characters, place).a;
+  pixel = vec4(shade.rgb, shade.a * cover);
+  if (pixel.a < 0.01) discard;
+}

@@ -1,0 +1,140 @@
+"""Points, lines and texts that are drawn into an image of a scene, each hidden by what is in front of it or not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import resvg_py
+from numpy.typing import NDArray
+
+from autodrive.base.png import decode_png
+from autodrive.graphics.render.gl import moderngl, source, write
+from autodrive.graphics.render.lighting import perspective
+from autodrive.graphics.render.scene import rigid
+from autodrive.graphics.render.shadows import columns
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
+    from autodrive.physics.sensors.camera_view import View
+
+STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("shape", "f4", 4)])
+"""As in shaders/strokes.vert. In the fourth place of the shape of a character is its code point."""
+POINT, LINE, CHARACTER = 0, 1, 2
+COLUMNS, ROWS, WIDTH, HEIGHT = 32, 16, 32, 64
+"""Of the image with the characters, and of one [pixels]."""
+NO_CHARACTER = "□"
+"""In the place of characters for which the image has no room."""
+
+
+class Strokes(NamedTuple):
+    """What is drawn, each dtype `STROKE`, shape (n,)."""
+
+    hidden: NDArray[np.void]
+    """What is behind other things is not seen."""
+    shown: NDArray[np.void]
+    """Drawn over everything."""
+
+
+def dots(points: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
+    """Points of that diameter [m]; shape (n, 3)."""
+    return _strokes(points, points, tint, POINT, size)
+
+
+def lines(begin: Floats, end: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
+    """Lines of that width [m]; shape (n, 3) each."""
+    return _strokes(begin, end, tint, LINE, size)
+
+
+def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
+    """A text of that height [m] with its middle at a place."""
+    out = _strokes(np.tile(at, (len(text), 1)), np.tile(at, (len(text), 1)), tint, CHARACTER, size)
+    out["shape"][:, 2] = np.arange(len(text)) - 0.5 * (len(text) - 1)
+    out["shape"][:, 3] = [ord(letter) for letter in text]
+    return out
+
+
+def _strokes(begin: Floats, end: Floats, tint: Sequence[float], kind: int, size: float) -> NDArray[np.void]:
+    out = np.zeros(len(begin), STROKE)
+    out["begin"], out["end"], out["tint"] = begin, end, tint
+    out["shape"][:, :2] = kind, size
+    return out
+
+
+class StrokePass:
+    """Draws `Strokes` into the present target."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = context.program(source("strokes.vert", PLAIN=1), source("strokes.frag"))
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]], np.float32)
+        self._corners = context.buffer(corners.tobytes())
+        self._numbers: dict[str, int] = {}
+        self._image = context.texture((COLUMNS * WIDTH, ROWS * HEIGHT), 4)
+        self._add({NO_CHARACTER, *map(chr, range(ord("!"), ord("~") + 1)), "°", "µ"})
+
+    def draw(self, strokes: Strokes, view: View) -> None:
+        """Draw them as `view` sees them."""
+        k = view.intrinsics
+        eye = rigid(view.position, view.orientation) @ np.diag([1.0, -1.0, -1.0, 1.0])  # x right, y up, z backward
+        seen = columns(np.asarray(np.linalg.inv(eye), np.float64))
+        shift = {"shift_x": 2.0 * k.cx / k.width - 1.0, "shift_y": 2.0 * k.cy / k.height - 1.0}
+        clip = perspective(2.0 * k.fx / k.width, 2.0 * k.fy / k.height, view.near, view.far, **shift)
+        write(self._program, "modelViewMatrix", seen)
+        write(self._program, "viewMatrix", seen)
+        write(self._program, "projectionMatrix", columns(clip @ np.diag([1.0, -1.0, -1.0, 1.0])))
+        write(self._program, "image", np.array([k.width, k.height], np.float32).tobytes())
+        context = self._context
+        context.disable(moderngl.CULL_FACE)
+        context.enable(moderngl.BLEND)
+        context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        context.fbo.depth_mask = False
+        self._draw(strokes.hidden)
+        context.disable(moderngl.DEPTH_TEST)
+        self._draw(strokes.shown)
+        context.fbo.depth_mask = True
+        context.disable(moderngl.BLEND)
+        context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+
+    def _draw(self, strokes: NDArray[np.void]) -> None:
+        if len(strokes) == 0:
+            return
+        numbered = strokes.copy()
+        is_letter = numbered["shape"][:, 0] == CHARACTER
+        codes, places = np.unique(numbered["shape"][is_letter, 3], return_inverse=True)
+        used = [chr(int(code)) for code in codes]
+        self._add(set(used) - self._numbers.keys())
+        numbers = np.array([self._numbers.get(one, 0) for one in used], np.float32)
+        numbered["shape"][is_letter, 3] = numbers[places]
+        self._image.use()
+        buffer = self._context.buffer(numbered.tobytes())
+        content = (self._corners, "3f", "position"), (buffer, "3f 3f 4f 4f/i", "begin", "end", "tint", "shape")
+        array = self._context.vertex_array(self._program, list(content))
+        array.render(moderngl.TRIANGLE_STRIP, instances=len(numbered))
+        array.release()
+        buffer.release()
+
+    def _add(self, letters: set[str]) -> None:
+        """Draw new characters into the image, while it has room."""
+        new = sorted(letters - {" "})[: COLUMNS * ROWS - 1 - len(self._numbers)]
+        if not new:
+            return
+        if not self._numbers:
+            new.remove(NO_CHARACTER)
+            self._numbers = {NO_CHARACTER: 0, " ": 1}
+        for letter in new:
+            self._numbers[letter] = len(self._numbers)
+        font = f'font-size="{0.8 * HEIGHT}" font-family="DejaVu Sans Mono, monospace" font-weight="600"'
+        style = f'{font} text-anchor="middle" dominant-baseline="central" fill="#fff"'
+        texts = "".join(
+            f'<text x="{WIDTH * (number % COLUMNS + 0.5)}" y="{HEIGHT * (number // COLUMNS + 0.5)}">'
+            f"{escape(letter)}</text>"
+            for letter, number in self._numbers.items()
+            if letter.isprintable()
+        )
+        size = f'width="{COLUMNS * WIDTH}" height="{ROWS * HEIGHT}"'
+        svg = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><g {style}>{texts}</g></svg>'
+        pixels = decode_png(bytes(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=False)))
+        self._image.write(np.ascontiguousarray(pixels).tobytes())

@@ -1,0 +1,39 @@
+"""The time that requests of clients may use while time runs."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from autodrive.connect.server.request_queue import EDIT_BURST, SHARE, Limits
+from autodrive.protocol.messages import EditMap, Reset
+
+
+def test_somebody_who_edits_a_map_twice_a_second_does_not_wait() -> None:
+    limits, now = Limits(0.0), time.perf_counter()
+    for _ in range(40):
+        assert limits.of(EditMap({})).free_at <= now
+        limits.pay(EditMap({}), 0.3, now + 0.3)
+        now += 0.5
+
+
+@pytest.mark.parametrize(("operation", "burst"), [(EditMap({}), EDIT_BURST), (Reset(), 0.0)])
+def test_a_client_that_never_stops_gets_its_share(operation: EditMap | Reset, burst: float) -> None:
+    limits, work = Limits(0.0), 0.3
+    start = now = time.perf_counter()
+    spent = 0.0
+    while now < start + 1000.0:
+        now = max(now, limits.of(operation).free_at) + work
+        limits.pay(operation, work, now)
+        spent += work
+    most = SHARE * (now - start) + burst + work
+    assert 0.8 * most < spent <= most  # without a burst, the share of the time of a request itself is lost
+
+
+def test_edits_of_a_map_and_other_requests_do_not_wait_for_each_other() -> None:
+    limits, now = Limits(0.0), time.perf_counter()
+    limits.pay(EditMap({}), EDIT_BURST + 10.0, now)
+    assert limits.of(Reset()).free_at <= now < limits.of(EditMap({})).free_at
+    limits.pay(Reset(), 1.0, now)
+    assert limits.of(Reset()).free_at == pytest.approx(now + 1.0 / SHARE)
