@@ -458,8 +458,10 @@ class View implements SceneView {
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
     this.drawingView.update(store)
     this.overlayView.update(store, state, vehicle)
-    this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
-    renderer.render(world, viewpoints.camera, state, followed, dt)
+    // light to work by in Edit and Build mode; the simulation stays as dark as it is
+    const seen = store.isMapViewed && !state.isDay ? { ...state, isDay: true, timeOfDay: null } : state
+    this.draw = () => renderer.render(world, viewpoints.camera, seen, followed, 0)
+    renderer.render(world, viewpoints.camera, seen, followed, dt)
     this.forget()
     this.showed()
     this.images++

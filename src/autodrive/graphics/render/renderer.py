@@ -181,12 +181,15 @@ class Renderer:
         self._frame.write(self._draw_list.frame.tobytes())
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
+        clips: list[Floats] = []
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
-            self._draw_behind(number, view, self._look(view), state.look, is_day=state.is_day)
-        for number, (target, view) in enumerate(zip(targets, views, strict=True)):
+            clips.append(self._look(view))
+            self._draw_behind(number, view, clips[-1], state.look, is_day=state.is_day)
+        for number, (target, view, clip) in enumerate(zip(targets, views, clips, strict=True)):
             target.begin()
             self._use_behind(number, view)
-            self._draw_colors(view, state.look, state.time, state.is_day)
+            self._write_camera(clip, view.position)
+            self._draw_colors(view, clip, state.look, state.time, state.is_day)
             if strokes is not None:
                 self._stroke_pass().draw(strokes, view)
         for target in targets:
@@ -264,8 +267,7 @@ class Renderer:
     def _use_behind(self, number: int, view: View) -> None:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
-    def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
-        clip = self._look(view)
+    def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
         self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects)
         if self._is_sky_coarse(view):
             self._draw_coarse_sky(clip, look, view)
@@ -426,10 +428,10 @@ class Renderer:
                 continue
             places = np.swapaxes(np.frombuffer(bones, np.float32).reshape(-1, 4, 4), -1, -2).astype(np.float64)
             numbers = parts.in_sight(clip, places)
-            for number, r in enumerate(ranges):
-                own = numbers[parts.range[numbers] == number]
-                if len(own):
-                    yield self._meshes[id(mesh)], (*self._choose(parts, own), r.kind, r.textures), bones, glow, lit
+            own_range = parts.range[numbers]
+            for one, first, count in self._choose(parts, numbers, own_range):
+                r = ranges[own_range[one]]
+                yield self._meshes[id(mesh)], (first, count, r.kind, r.textures), bones, glow, lit
 
     def _seen_ranges(self, clip: Floats, seen_lit: SeenLit) -> Iterator[DrawCall]:
         """Ranges that look alike and have the same light are drawn at once."""
@@ -439,17 +441,26 @@ class Renderer:
         lit = [seen_lit(self._draw_list.static_lit[i]) for i in own_range.tolist()]
         groups = {one: k for k, one in enumerate(dict.fromkeys(lit))}
         looks = self._looks[own_range] * len(groups) + np.array([groups[one] for one in lit], np.intp)
-        for look in np.unique(looks):
-            first = int(np.argmax(looks == look))
-            i, own = int(own_range[first]), numbers[looks == look]
-            place = (*self._choose(parts, own), ranges[i].kind, ranges[i].textures)
-            yield self._meshes[id(self._static)], place, None, None, lit[first]
+        for one, first, count in self._choose(parts, numbers, looks):
+            r = ranges[own_range[one]]
+            yield self._meshes[id(self._static)], (first, count, r.kind, r.textures), None, None, lit[one]
 
-    def _choose(self, parts: Parts, numbers: NDArray[np.intp]) -> tuple[int, int]:
-        """Draw these parts in the present view: first of their indices, and how many."""
-        first = sum(map(len, self._chosen))
-        self._chosen.append(parts.indices_of(numbers))
-        return first, len(self._chosen[-1])
+    def _choose(
+        self, parts: Parts, numbers: NDArray[np.intp], keys: NDArray[np.intp]
+    ) -> Iterator[tuple[int, int, int]]:
+        """Draw these parts in the present view, those with the same key (at least 0) at once, in the order of the keys.
+
+        For each key: which of `numbers` is the first one with it, the first of their indices, and how many.
+        """
+        order = np.argsort(keys, kind="stable")
+        starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+        if len(starts):
+            own, before = numbers[order], sum(map(len, self._chosen))
+            self._chosen.append(parts.indices_of(own))
+            count = np.add.reduceat(parts.length[own], starts)
+            yield from zip(
+                order[starts].tolist(), (before + np.cumsum(count) - count).tolist(), count.tolist(), strict=True
+            )
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
