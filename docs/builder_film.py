@@ -137,7 +137,10 @@ class Film:
 
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
+        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene?.parts ?? store.scene.value.model)]"
+        before = self.value(edits)
         act()
+        self.wait(lambda: self.value(edits) != before)
         self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
         self.wait_for_image()
         self.take(seconds)
@@ -242,7 +245,6 @@ def town(film: Film) -> None:
     film.caption("Click an open end (green): the pieces that fit are offered", 1.0)
     film.click_map(x + 0.7, y)
     film.take(1.5)
-    film.click("piece-curved_road")
     film.caption("Enter sets the piece; R and M turn and mirror it", 0.8)
     for _ in range(2):
         film.edit(lambda: film.press("Enter"))
@@ -275,7 +277,7 @@ def town(film: Film) -> None:
     film.drive(5.0, follow, speed=1.5)
     simulation.request(SetTrafficLight(light, TrafficLightState.GREEN)).result()
     film.caption("Drive: the light is green", 0.2)
-    film.drive(14.0, follow, speed=2.2)
+    film.drive(10.0, follow, speed=2.2)
 
 
 def track(film: Film) -> None:
@@ -303,7 +305,7 @@ def track(film: Film) -> None:
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
-    film.drive(11.0, gap_follower(simulation), speed=3.0)
+    film.drive(8.0, gap_follower(simulation), speed=3.0)
 
 
 def link(film: Film) -> None:
@@ -329,7 +331,7 @@ def link(film: Film) -> None:
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
     film.caption("... and drives on your track", 0.2)
-    film.drive(8.0, gap_follower(simulation), speed=3.0)
+    film.drive(6.0, gap_follower(simulation), speed=3.0)
 
 
 def main() -> None:

@@ -275,6 +275,28 @@ def test_a_world_that_is_edited_again_while_its_scene_is_loaded_is_seen() -> Non
     assert len(seen) > 2, f"of the {edits + 1} worlds, only those with {seen} boxes were seen"
 
 
+def test_a_response_while_a_scene_is_loaded_has_no_frame_of_its_world_which_then_comes() -> None:
+    """Otherwise a page that is opened after an edit in a pause shows nothing."""
+    is_free, begun = threading.Event(), threading.Event()
+
+    def files(world: World) -> SceneFiles:
+        if world.boxes:
+            begun.set()
+            assert is_free.wait(LIMIT)
+        return scene_files(world)
+
+    simulation = Simulation(autodrive.make("plane"), is_paused=True, load=autodrive.make)
+    with simulation, served(simulation, files) as server, native_client(server) as viewer:
+        viewer.until("Frame")
+        simulation.request(AddBox("b", 1.0, 0.0)).result(LIMIT)
+        assert begun.wait(LIMIT)
+        response = viewer.ask("DisconnectBridge")
+        is_free.set()
+        viewer.until("Scene")
+        assert "b" in viewer.until("Frame")["objects"]
+    assert "b" not in response["frame"]["objects"]
+
+
 def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     with native_client(server, max_queue=None) as loud:

@@ -116,6 +116,7 @@ def test_the_crossing_of_tiny_town_is_rebuilt_by_clicks(plane: PageServer, new_t
         click(tab, *end)
         for piece in pieces:
             tab.wait_until(lambda piece=piece: tab.get(f"piece-{piece}").is_visible())
+            tab.page.mouse.move(640, 300, steps=4)  # over the scene, as a hand moves the mouse to the palette
             tab.click(f"piece-{piece}")
             set_pieces(tab, 1)
         if pieces != ["dead_end"]:  # no road goes on from it, so nothing is in hand

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+import simplejpeg
 
 from autodrive.protocol.messages import EditMap, MapModule, MapWall, Pause
-from tests.page.test_build import opened, parts, press, wait_for_parts
+from tests.page.test_build import begin, opened, parts, press, wait_for_parts
 from tests.page.test_edit import on_screen
 from tests.support.page import NewTab, PageServer, Tab
 
@@ -94,3 +96,21 @@ def test_nothing_is_drawn_while_time_stands_and_nothing_changes(plane: PageServe
     press(tab, "Escape")
     tab.wait_until(lambda: tab.get("build-bar").is_hidden())
     assert not is_still()  # outside of Build mode each frame is drawn
+
+
+def test_with_quality_stream_the_page_draws_the_map_itself_while_it_is_built(
+    plane: PageServer, new_tab: NewTab
+) -> None:
+    tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=stream")
+    jpeg = simplejpeg.encode_jpeg(np.zeros((36, 64, 3), np.uint8), colorspace="RGB")
+    # as if an image of the simulator had come
+    send = "jpeg => { autodrive.store.rendered.value = { time: 0, jpeg: Uint8Array.from(jpeg) } }"
+    image = tab.page.locator("#scene + canvas")
+    tab.wait_until(lambda: tab.value("!!view"))
+    tab.wait_until(lambda: tab.page.evaluate(send, [*jpeg]) or image.is_visible())
+    begin(tab)
+    tab.page.evaluate(send, [*jpeg])
+    assert tab.value("store.isStreamPaused.value")
+    assert not image.is_visible()
+    tab.click("build-done")
+    tab.wait_until(lambda: tab.page.evaluate(send, [*jpeg]) or image.is_visible())

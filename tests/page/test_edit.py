@@ -9,7 +9,7 @@ import pytest
 
 import autodrive
 from autodrive.base.transforms import euler_from_quaternion
-from autodrive.protocol.messages import Pause, Resume, Step
+from autodrive.protocol.messages import Pause, Resume, SetSceneLight, Step
 from tests.page.test_access import wrong_targets
 from tests.page.test_driving import yaw
 from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
@@ -256,3 +256,18 @@ def test_text_of_edit_mode_is_large_enough_and_has_contrast(plane: PageServer, n
     texts = tab.page.evaluate(TEXTS)
     assert {"Save as scenario", "Sensors of V1", "LIDAR"} <= {each["text"] for each in texts}
     assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []
+
+
+def test_edit_mode_has_light_at_night_and_the_simulation_stays_dark(plane: PageServer, new_tab: NewTab) -> None:
+    plane.request(SetSceneLight(False))
+    try:
+        tab = new_tab(size=(600, 400), draws=True).open(plane.url + "?quality=low#camera=birds-eye&scan=0")
+        tab.wait_for_image()
+        dark = float(tab.pixels().mean())
+        tab.page.keyboard.press("j")
+        tab.wait_until(lambda: float(tab.pixels()[150:250, 50:200].mean()) > dark + 0.15)
+        assert not plane.frame.scene_light
+        tab.page.keyboard.press("Escape")
+        tab.wait_until(lambda: float(tab.pixels().mean()) < dark + 0.05)
+    finally:
+        plane.request(SetSceneLight(True))

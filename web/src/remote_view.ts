@@ -42,7 +42,7 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
   }
 
   function send(): void {
-    const isWanted = store.quality.value === 'stream'
+    const isWanted = store.quality.value === 'stream' && !store.isStreamPaused.value
     if (store.link.value !== 'open' || !store.scene.value || (!isWanted && !isStreaming)) return
     isStreaming = isWanted
     const wide = STEPS[step] * canvas.clientWidth * Math.min(1, devicePixelRatio)
@@ -81,7 +81,7 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
 
   const { quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene } = store
   const { areDrawingsShown, areShapesShown, areForcesShown, areAxesShown, forceScale } = store
-  for (const observable of [quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene])
+  for (const observable of [quality, store.isStreamPaused, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene])
     observable.watch(schedule)
   for (const observable of [areDrawingsShown, areShapesShown, areForcesShown, areAxesShown, forceScale])
     observable.watch(schedule)

@@ -89,6 +89,8 @@ export class Store {
   readonly depthFarthest = new Observable(0)
   /** Whether the first image of the simulator's renderer is awaited. */
   readonly isStreamStarting = new Observable(false)
+  /** Whether the page draws the scene itself although the quality is Stream: the camera looks at the map. */
+  readonly isStreamPaused = new Observable(false)
   /** The latest events of the world. */
   readonly events = new Observable<readonly Event[]>([])
   /** Number of resets by this page. */

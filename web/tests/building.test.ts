@@ -343,6 +343,29 @@ test('advice on a vehicle beside the road stays until the vehicle is back on a r
   expect(shown(0.7)).toBe(0)
 })
 
+test('a piece that was offered at an open end is there again when the pointer has left the scene', () => {
+  const { builder, socket } = page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
+  press('KeyN')
+  const offered = builder.hand.value
+  expect(offered).toMatchObject({ kind: 'module', target: { part: 'road', name: 'east' } })
+  builder.moveTo([3, 2], [700, 100], above, false)
+  expect(builder.hand.value).toMatchObject({ target: null })
+  builder.leave()
+  expect(builder.hand.value).toEqual(offered)
+  builder.moveTo([3, 2], [700, 100], above, false)
+  builder.leave()
+  document.querySelector<HTMLElement>('[data-piece="straight"]')?.click()
+  press('Enter')
+  expect(socket.request).toMatchObject({
+    type: 'EditMap',
+    parts: { straight_1: { module: 'straight', y: expect.closeTo(0) } },
+  })
+  builder.take('straight', [2, 2]) // not for an end: it stays where the pointer was
+  builder.moveTo([3, 2], [700, 100], above, false)
+  builder.leave()
+  expect(builder.hand.value).toMatchObject({ target: null, part: { x: 3, y: 2 } })
+})
+
 test('undo and redo are those of the simulator, and Edit mode ends', () => {
   const { socket, store } = page()
   store.isEditing.value = true

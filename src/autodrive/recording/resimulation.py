@@ -12,6 +12,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
+from autodrive.protocol.native import ContactForces
 from autodrive.recording import records
 from autodrive.recording.about import about_here
 from autodrive.recording.errors import RecordingError
@@ -97,16 +98,41 @@ def simulated_again(
     `changed` returns the scenario that is simulated in the place of a recorded one. `own_sensors`: see `resimulate`,
     which raises the same. None: they are left out.
     """
+    for time, recorded, again in _each_frame(recording, changed, own_sensors):
+        yield time, recorded, again.frame(recorded.tick)
+
+
+def forces_again(recording: Recording) -> Generator[tuple[float, dict[str, ContactForces]]]:
+    """Run a recording again: time [s] and contact forces of each recorded tick; see `World.contact_forces`.
+
+    Raises `RecordingError` as `resimulate`, and where vehicles are not where they were.
+    """
+    for time, recorded, again in _each_frame(recording, lambda spec: spec, None, watches_contacts=True):
+        simulated = again.frame(recorded.tick)
+        for name, vehicle in recorded.vehicles.items():
+            if vehicle.pose.position.tobytes() != simulated.vehicles[name].pose.position.tobytes():
+                raise RecordingError(f"the simulation differs from the recording: {name} is somewhere else")
+        yield time, again.contact_forces
+
+
+def _each_frame(
+    recording: Recording,
+    changed: Callable[[ScenarioSpec], ScenarioSpec],
+    own_sensors: OwnSensors | None,
+    *,
+    watches_contacts: bool = False,
+) -> Generator[tuple[float, Frame, _Again]]:
+    """Time [s] and recorded Frame of each recorded tick, and the simulation, which has all that came before it."""
     if not recording.scenario.is_start or recording.start_tick:
         raise RecordingError(
             f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
             "simulated again: record from the start, without --record-last"
         )
     with ExitStack() as stack:
-        again = _Again(recording, stack, changed, own_sensors)
+        again = _Again(recording, stack, changed, own_sensors, watches_contacts=watches_contacts)
         for time, item in recording.sequence():
             if isinstance(item, Frame):
-                yield time, item, again.frame(item.tick)
+                yield time, item, again
             else:
                 again.take(item)
 
@@ -120,7 +146,10 @@ class _Again:
         stack: ExitStack,
         changed: Callable[[ScenarioSpec], ScenarioSpec],
         own_sensors: OwnSensors | None,
+        *,
+        watches_contacts: bool = False,
     ) -> None:
+        self._watches_contacts = watches_contacts
         self._recording = recording
         self._stack = stack
         self._changed = changed
@@ -173,6 +202,11 @@ class _Again:
             case ScenarioRecord():
                 pass  # those of edits follow from the edits; `_execute` reads those of loaded scenarios
 
+    @property
+    def contact_forces(self) -> dict[str, ContactForces]:
+        """Of the latest tick."""
+        return self._simulation.world.contact_forces
+
     def frame(self, tick: int) -> Frame:
         """The Frame of that tick, with all events since the one before."""
         self._run_to(tick)
@@ -182,6 +216,8 @@ class _Again:
     def _run_to(self, tick: int) -> None:
         """A recording at a lower rate does not have each tick."""
         world = self._simulation.world
+        if self._watches_contacts and not world.watches_contacts:
+            world.watch_contacts()
         while world.frame.tick < tick:
             commands, self._commands = self._commands, {}
             self._events += world.step(commands).events

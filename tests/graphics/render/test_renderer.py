@@ -18,6 +18,7 @@ from autodrive.graphics.render.look import DAY, sun_at
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene, rigid
+from autodrive.graphics.render.shadows import Shadows
 from autodrive.physics.actuators.lights import LAMPS
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.labels import Label
@@ -169,6 +170,28 @@ def test_the_shadow_of_a_vehicle_moves_with_it(quality: str) -> None:
             edge = np.array([x + 0.08, 0.0]) + 0.085 * away  # shadow of the far edge of the roof
             edge += 0.05 * away / np.linalg.norm(away)
             assert on_floor(seen, *edge) < 0.75 * on_floor(seen, 0.1, -1.0), x
+
+
+@pytest.mark.parametrize("hour", [7.5, 12.0, 17.0])
+def test_shadows_on_the_ground_are_drawn_wherever_they_fall(hour: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing 5 m more of the ground around each changes nothing: towers, boxes and cars, turned and in the air."""
+    towers = [box((x, y, 0.2), (0.1, 0.3, 0.4), GREY, Label.BLOCK) for x, y in ((-0.7, 0.4), (0.9, -0.6), (0.9, -0.3))]
+    crate = thing("crate", box((0, 0, 0), (0.2, 0.1, 0.2), WHITE, Label.BOX))
+    world = scene(FLOOR, node("towers", *towers), vehicles=3, objects=(crate, crate))
+    now = render_state(3, 2)
+    now.header["time_of_day"] = 3600.0 * hour
+    now.vehicles["position"] = (0.0, 0.0, 0.0), (0.8, 0.5, 0.4), (-0.6, -0.7, 0.1)
+    now.vehicles["orientation"][1:] = quaternion_from_euler(0.5, 0.7, 2.0), quaternion_from_euler(1.6, 0.0, 0.4)
+    now.objects["position"] = (0.4, 0.9, 0.1), (-0.2, -0.9, 0.5)
+    now.objects["orientation"][1] = quaternion_from_euler(0.4, 0.8, 0.1)
+    looks = [DOWN, view(-1.5, 0.0, 0.3, pitch_deg=10.0)]
+    with Renderer(world, "software") as renderer:
+        images = renderer.draw(now, looks)
+    monkeypatch.setattr(Shadows, "margin", 5.0)
+    with Renderer(world, "software") as renderer:
+        wider = renderer.draw(now, looks)
+    for image, other in zip(images, wider, strict=True):
+        assert np.max(np.abs(image.rgba.astype(int) - other.rgba)) <= 1  # larger triangles are interpolated otherwise
 
 
 @pytest.mark.parametrize("is_day", [True, False])

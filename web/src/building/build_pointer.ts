@@ -279,6 +279,7 @@ export function buildPointer(
   const options = { capture: true } // before the controls of the camera
   canvas.addEventListener('pointerdown', begin, options)
   canvas.addEventListener('pointermove', follow, options)
+  canvas.addEventListener('pointerleave', ({ pointerType }) => pointerType === 'mouse' && builder.leave())
   canvas.addEventListener('pointerup', end, options)
   canvas.addEventListener('pointercancel', end, options)
   store.imageCount.watch(draw)

@@ -29,9 +29,12 @@ import {
 } from './fitting'
 import type { Picture, PictureOptions } from './picture'
 
-/** What the user is about to set: a module, a sign, or a wall or block of which some points are known. */
+/** What the user is about to set: a module, a sign, or a wall or block of which some points are known.
+ *
+ * `target`: the end that it is joined to; `end`: the end for which it was chosen.
+ */
 export type Hand =
-  | { kind: 'module'; part: MapModule; port: string; target: PortPlace | null; moved: string }
+  | { kind: 'module'; part: MapModule; port: string; target: PortPlace | null; end: PortPlace | null; moved: string }
   | { kind: 'part'; part: MapPart; moved: string }
   | { kind: 'group'; parts: Record<string, MapPart>; isNew: boolean; shift: Point }
   | { kind: 'wall'; points: Point[]; end: Point | null }
@@ -109,7 +112,7 @@ export class Builder {
     const size = module.type === 'terrain' ? { length: 2, width: 2 } : {}
     this.select()
     this.hand.value = {
-      ...{ kind: 'module', moved: '', target: null, port: Object.keys(module.ports)[0] ?? '' },
+      ...{ kind: 'module', moved: '', target: null, end: null, port: Object.keys(module.ports)[0] ?? '' },
       part: { ...plain(name), x: at[0], y: at[1], ...size },
     }
   }
@@ -250,6 +253,13 @@ export class Builder {
     }
   }
 
+  /** The pointer has left the scene, for a button or another piece: the piece in hand is at its open end again. */
+  leave(): void {
+    const hand = this.hand.value
+    if (hand?.kind === 'module' && hand.end && hand.target !== hand.end && !hand.moved)
+      this.join(hand.part.module, hand.end, hand.port)
+  }
+
   /** Adds a point of a wall or block; the wall is closed by a click near its first point. */
   addPoint(point: Point, isAtStart: boolean): void {
     const hand = this.hand.value
@@ -349,7 +359,7 @@ export class Builder {
     if (this.selected.value.length > 1) this.hand.value = { kind: 'group', parts, isNew: false, shift: [0, 0] }
     if (part?.type === 'MapModule') {
       const port = Object.keys(this.module(part)?.ports ?? {})[0] ?? ''
-      this.hand.value = { kind: 'module', part, port, target: null, moved }
+      this.hand.value = { kind: 'module', part, port, target: null, end: null, moved }
     } else if (part) this.hand.value = { kind: 'part', part, moved }
   }
 
@@ -459,7 +469,7 @@ export class Builder {
     const hand = this.hand.value
     const moved = hand?.kind === 'module' ? hand.moved : ''
     const part = hand?.kind === 'module' && hand.part.module === name ? hand.part : plain(name)
-    this.hand.value = { kind: 'module', moved, port: by, target, part: { ...part, ...pose } }
+    this.hand.value = { kind: 'module', moved, port: by, target, end: target, part: { ...part, ...pose } }
   }
 
   /** The port by which a module goes on where one of its kind ends: a curve after a curve bends the same way. */

@@ -4,6 +4,8 @@ import type { Rendered } from '../store'
 export class RemoteImage {
   private readonly overlay = document.createElement('canvas')
   private readonly context = this.overlay.getContext('2d')
+  /** Whether images are shown, and not the canvas below. */
+  private isShown = false
   private isDecoding = false
   private next: Rendered | null = null
   /** Whether an image was shown since the simulator began to render. */
@@ -32,7 +34,7 @@ export class RemoteImage {
   /** Shows the canvas below again. */
   hide(): void {
     this.overlay.style.display = 'none'
-    this.hasImage = false
+    this.hasImage = this.isShown = false
     this.next = null
   }
 
@@ -46,6 +48,7 @@ export class RemoteImage {
   /** Shows an image. If images arrive faster than they are decoded, only the latest is shown. */
   show(image: Rendered): void {
     this.next = image
+    this.isShown = true
     if (!this.isDecoding) void this.decode()
   }
 
@@ -57,7 +60,7 @@ export class RemoteImage {
       const bitmap = await createImageBitmap(new Blob([jpeg as Uint8Array<ArrayBuffer>], { type: 'image/jpeg' })).catch(
         () => null, // skip an image that cannot be decoded
       )
-      if (!bitmap) continue
+      if (!bitmap || !this.isShown) continue
       if (this.overlay.width !== bitmap.width) this.overlay.width = bitmap.width
       if (this.overlay.height !== bitmap.height) this.overlay.height = bitmap.height
       this.context?.drawImage(bitmap, 0, 0)

@@ -20,8 +20,9 @@ import { type MotionInterpolator, type PlacedObject, quaternion } from './motion
 import { TURBO } from './turbo'
 
 const COLOR = 'vec3(0.30, 0.86, 1.0)'
-/** Diameter of a point [CSS pixels]. */
+/** Diameter of a point, and of its edge, which is light around a dark colour and dark around a light one [CSS pixels]. */
 const SIZE = 5
+const EDGE = 8
 /** Distance by which a point is drawn nearer to the camera than it is [m]. */
 const LIFT = 0.004
 
@@ -45,13 +46,15 @@ void main() {
 }
 `
 const FRAGMENT = /* glsl */ `
-uniform float brightness;
+uniform bool is_edge;
 in vec3 shade;
 out vec4 pixel;
 void main() {
   float far = length(gl_PointCoord - 0.5) * 2.0;
   if (far > 1.0) discard;
-  pixel = vec4(shade, mix(1.0, brightness, 0.5) * smoothstep(1.0, 0.6, far));
+  float bright = dot(shade, vec3(0.299, 0.587, 0.114));
+  vec3 edge = vec3(bright < 0.5 ? 0.92 : 0.06);
+  pixel = vec4(is_edge ? edge : shade, (is_edge ? 0.8 : 1.0) * smoothstep(1.0, 0.6, far));
 }
 `
 /** Radius within which the fan fades out [m]; a larger one would tint the whole image. */
@@ -82,18 +85,9 @@ export class ScanView {
   private readonly fan = new BufferGeometry()
   private readonly brightness = { value: 1 }
   private readonly center = new Vector3()
-  private readonly pointMaterial = new ShaderMaterial({
-    ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3 },
-    ...{
-      uniforms: {
-        size: { value: SIZE },
-        brightness: this.brightness,
-        farthest: { value: 1 },
-        turbo: { value: COLOURS },
-      },
-    },
-    ...{ transparent: true, depthWrite: false },
-  })
+  private readonly range = { value: 1 }
+  private readonly pointMaterial = this.material(false)
+  private readonly edgeMaterial = this.material(true)
   private readonly fanMaterial = new ShaderMaterial({
     ...{ vertexShader: FAN_VERTEX, fragmentShader: FAN_FRAGMENT, glslVersion: GLSL3 },
     ...{ uniforms: { center: { value: this.center }, brightness: this.brightness } },
@@ -105,7 +99,8 @@ export class ScanView {
   constructor(private readonly farthest: Observable<number>) {
     for (const [thing, order] of [
       [new Mesh(this.fan, this.fanMaterial), 20],
-      [new Points(this.points, this.pointMaterial), 21],
+      [new Points(this.points, this.edgeMaterial), 21], // all before the points, which may be close together
+      [new Points(this.points, this.pointMaterial), 22],
     ] as const) {
       thing.frustumCulled = false
       thing.renderOrder = order
@@ -115,6 +110,16 @@ export class ScanView {
 
   set pixelRatio(ratio: number) {
     this.pointMaterial.uniforms.size.value = Math.max(SIZE * ratio, 2)
+    this.edgeMaterial.uniforms.size.value = Math.max(EDGE * ratio, 4)
+  }
+
+  private material(isEdge: boolean): ShaderMaterial {
+    const size = { value: isEdge ? EDGE : SIZE }
+    const uniforms = { size, is_edge: { value: isEdge }, farthest: this.range, turbo: { value: COLOURS } }
+    return new ShaderMaterial({
+      ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3, uniforms },
+      ...{ transparent: true, depthWrite: false },
+    })
   }
 
   /** Shows a scan from the poses of the vehicle during the scan; `mount` is the sensor pose in the vehicle frame. */
@@ -187,11 +192,11 @@ export class ScanView {
     for (const range of scan.ranges) if (Number.isFinite(range) && range > far) far = range
     const { value: now } = this.farthest
     if (far > now || far < SHRINK * now) this.farthest.value = far > 0 ? niceStep(far) : now
-    this.pointMaterial.uniforms.farthest.value = this.farthest.value || 1
+    this.range.value = this.farthest.value || 1
   }
 
   dispose(): void {
-    for (const part of [this.points, this.fan, this.pointMaterial, this.fanMaterial]) part.dispose()
+    for (const part of [this.points, this.fan, this.pointMaterial, this.edgeMaterial, this.fanMaterial]) part.dispose()
   }
 }
 

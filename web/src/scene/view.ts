@@ -229,7 +229,8 @@ class View implements SceneView {
       store.scene.watch((scene) => void this.showScene(scene)),
       store.frame.watch((frame) => frame && this.addFrame(frame)),
       store.quality.watch(() => this.setQuality()),
-      store.rendered.watch((image) => image && store.quality.value === 'stream' && this.remote.show(image)),
+      store.rendered.watch((image) => image && this.isStreamWanted && this.remote.show(image)),
+      ...[store.isEditing, store.isBuilding].map((one) => one.watch(() => this.pauseStream())),
     )
     const change = () => {
       this.changedAt = performance.now() / 1000
@@ -346,12 +347,26 @@ class View implements SceneView {
 
   /** Whether images of the simulator are shown. */
   private get isStreamed(): boolean {
-    return this.store.quality.value === 'stream' && this.remote.hasImage
+    return this.isStreamWanted && this.remote.hasImage
+  }
+
+  private get isStreamWanted(): boolean {
+    return this.store.quality.value === 'stream' && !this.store.isStreamPaused.value
+  }
+
+  /** The page draws the map itself while it is viewed, if it can: the simulator does not have that camera. */
+  private pauseStream(): void {
+    const { store } = this
+    const isPaused = store.isMapViewed && this.renderer !== null
+    if (isPaused === store.isStreamPaused.value) return
+    store.isStreamPaused.value = isPaused
+    if (isPaused) this.remote.hide()
+    if (store.quality.value === 'stream') this.startStream()
   }
 
   private startStream(): void {
     this.remote.start()
-    this.store.isStreamStarting.value = true
+    this.store.isStreamStarting.value = !this.store.isStreamPaused.value
   }
 
   /** An image shows the present Scene. */
@@ -389,7 +404,7 @@ class View implements SceneView {
     this.animation = requestAnimationFrame(this.drawFrame)
     const now = milliseconds / 1000
     const dt = Math.max(0, now - this.before)
-    const isWaiting = this.store.quality.value === 'stream' && !this.remote.hasImage
+    const isWaiting = this.isStreamWanted && !this.remote.hasImage
     if (isWaiting && dt < WAITING_PERIOD) return
     const wasDrawn = this.before === this.drawnAt
     this.before = now
@@ -443,8 +458,10 @@ class View implements SceneView {
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
     this.drawingView.update(store)
     this.overlayView.update(store, state, vehicle)
-    this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
-    renderer.render(world, viewpoints.camera, state, followed, dt)
+    // light to work by in Edit and Build mode; the simulation stays as dark as it is
+    const seen = store.isMapViewed && !state.isDay ? { ...state, isDay: true, timeOfDay: null } : state
+    this.draw = () => renderer.render(world, viewpoints.camera, seen, followed, 0)
+    renderer.render(world, viewpoints.camera, seen, followed, dt)
     this.forget()
     this.showed()
     this.images++

@@ -15,6 +15,7 @@ from autodrive.connect.server.remote_view import RemoteViews
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.served import Served
+    from autodrive.protocol.messages import Frame
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
 
@@ -66,6 +67,11 @@ class Broadcast:
     def prepare(self, world: World) -> None:
         """Load the scene files of a World before its first Frame; called in another thread."""
         self._prepared = world, self._scene_files(world)
+
+    @property
+    def latest(self) -> Frame:
+        """The latest Frame whose Scene is loaded; before the first Scene, that of the simulation."""
+        return self.encoded.latest or self._simulation.frame
 
     def offer_latest(self, client: ConnectedClient) -> None:
         """Offer the latest Frame to a client that is new or has changed its subscription."""

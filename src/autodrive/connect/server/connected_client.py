@@ -110,8 +110,9 @@ class ConnectedClient:
             self._wake.set()
 
     def on_scene_change(self) -> None:
-        """Discard the events of the previous scene and send the new one."""
+        """Discard the events of the previous scene and send the new one, and a Frame after it in any case."""
         self._events.clear()
+        self._sent_frame = None
         self._wake.set()
 
     def offer(self, frame: Frame, events: tuple[Event, ...], now: float) -> bool:

@@ -57,11 +57,9 @@ class Hub:
         self._driving = Driving(served, self._leases, self._send_status_soon, self.now)
         self._requests = Requests(
             served,
-            self.broadcast.queue,
+            self.broadcast,
             self._leases,
             self._bridge,
-            self.broadcast.remote_views,
-            prepare_scene=self.broadcast.prepare,
             on_change=self._send_status_soon,
             clock=self.now,
         )

@@ -36,13 +36,11 @@ from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
+    from autodrive.connect.server.broadcast import Broadcast
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.driver_lease import DriverLeases
-    from autodrive.connect.server.frame_queue import FrameQueue
-    from autodrive.connect.server.remote_view import RemoteViews
     from autodrive.connect.server.served import Served
     from autodrive.protocol.native import ServerOperation
-    from autodrive.world import World
 
 log = logging.getLogger(__name__)
 
@@ -99,29 +97,26 @@ class Requests:
     def __init__(
         self,
         served: Served,
-        frame_queue: FrameQueue,
+        broadcast: Broadcast,
         leases: DriverLeases,
         bridge: BridgeControl,
-        remote_views: RemoteViews,
         *,
-        prepare_scene: Callable[[World], None],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self.note = ""
         """A long operation that runs now, for the Status."""
         self._simulation = served.simulation
-        self._frame_queue = frame_queue
+        self._broadcast = broadcast
+        self._frame_queue = broadcast.queue
         self._leases = leases
         self._bridge = bridge
-        self._remote_views = remote_views
         self._scenarios = served.scenarios
         self._recording = served.recording
         self._replay = served.replay
         self._own_files = served.own_files
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
-        self._prepare_scene = prepare_scene
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
@@ -216,8 +211,8 @@ class Requests:
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() | ViewSensor() as view:
-                    self._remote_views.set_view(turn.client, view, self._clock())
-                    self._respond(turn, self._simulation.frame)
+                    self._broadcast.remote_views.set_view(turn.client, view, self._clock())
+                    self._respond(turn, self._broadcast.latest)
                 case LoadScenario() | AddBox() | ImportTrack() | OpenFile() as operation:
                     self._is_busy = True
                     if isinstance(operation, LoadScenario):
@@ -289,7 +284,7 @@ class Requests:
             operation = self._own_files.opened(operation, self._simulation.world)
         if isinstance(operation, LoadScenario):
             if world := self._simulation.prepare(operation.name):
-                self._prepare_scene(world)
+                self._broadcast.prepare(world)
         elif isinstance(operation, AddBox):
             from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
 
@@ -368,7 +363,7 @@ class Requests:
             except Exception as error:
                 self._refuse(turn, error)
             else:
-                self._respond(turn, self._simulation.frame, answer)
+                self._respond(turn, self._broadcast.latest, answer)
             self._on_change()
 
         self._keep(asyncio.create_task(execute()))

@@ -113,6 +113,8 @@ class DrawList:
         """Number of headlights in the first slots of the lamps."""
         self.n_caster = 0
         """Number of vehicles that cast shadows."""
+        self.shadow_areas = np.zeros((CASTERS, 4), np.float32)
+        """Where they cast them by day, see `Shadows.areas`."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
@@ -132,11 +134,13 @@ class DrawList:
             self._shadows.set_sun(state.look.sun_direction)
             if self._shadows.draw_still(places, np.array([rigid(view.position, view.orientation) for view in views])):
                 falls = self._shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
-                self._is_shaded = ~self._is_flat | falls
+                self._is_shaded = ~self._is_ground & (~self._is_flat | falls)  # the ground: see ground_shadows.py
         self.set_sky(state.look, state.time)
         casters = near[: CASTERS - 1]
         self.n_caster = len(casters)
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
+        if state.is_day:
+            self.shadow_areas = self._shadows.areas(casters, bones).astype(np.float32)
         self.lamps, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
 
         spheres = [self._spheres]
@@ -171,6 +175,8 @@ class DrawList:
 
     def seen_lit(self, lit: Illumination, is_lit: NDArray[np.bool_]) -> Illumination:
         """The same without lamps that light nothing in a view. `is_lit`: of each lamp, see `lights_view`."""
+        if not lit.beams and not lit.lamps:
+            return lit
         slots = [*range(self.n_beam), *range(BEAMS, BEAMS + len(self.lamps) - self.n_beam)]
         seen = {slot for slot, is_one in zip(slots, is_lit.tolist(), strict=True) if is_one}
         beams, lamps = ([slot for slot in own if slot in seen] for own in (lit.beams, lit.lamps))

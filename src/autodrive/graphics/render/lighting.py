@@ -88,6 +88,8 @@ def lights_view(lit: np.ndarray, clip: Floats, eye: Floats) -> NDArray[np.bool_]
     Its range is in sight, and what is in sight is not all behind it. `clip`: clip space from map axes; `eye`: place of
     the camera, shape (3,).
     """
+    if len(lit) == 0:
+        return np.zeros(0, np.bool_)
     far = np.linalg.inv(clip) @ np.array([(x, y, 1.0, 1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]).T
     corners = np.concatenate([eye[None], (far[:3] / far[3]).T])
     ahead = np.einsum("cnk,nk->cn", corners[:, None] - lit["place"], lit["aim"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -88,6 +89,15 @@ def sight_planes(clip: Floats) -> Floats:
 
     `clip`: clip space from map axes, shape (..., 4, 4).
     """
+    return _sight_planes(np.asarray(clip, np.float64).tobytes()) if clip.ndim == 2 else _planes(clip)
+
+
+@lru_cache(maxsize=8)  # a view asks for its planes many times
+def _sight_planes(clip: bytes) -> Floats:
+    return _planes(np.frombuffer(clip).reshape(4, 4))
+
+
+def _planes(clip: Floats) -> Floats:
     x, y, z, w = (clip[..., i, :] for i in range(4))
     planes = np.stack([w + x, w - x, w + y, w - y, w + z], axis=-2)
     planes /= np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)

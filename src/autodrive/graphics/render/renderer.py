@@ -15,12 +15,13 @@ from autodrive.graphics.render import texture_arrays
 from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.graphics.render.gl import moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
+from autodrive.graphics.render.ground_shadows import GroundShadows
 from autodrive.graphics.render.ground_strips import GroundStrips
 from autodrive.graphics.render.lighting import lights_view, perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
-from autodrive.graphics.render.shadows import BONES, Shadows, columns
+from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
@@ -138,6 +139,7 @@ class Renderer:
         """Texture array and layer of their noise."""
         strips = scene.static.strips
         self._strips = None if strips is None else GroundStrips(context, strips)
+        self._ground_shadows = cache(self._new_ground_shadows)
         self._behind = cache(self._new_behind)
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
@@ -179,12 +181,15 @@ class Renderer:
         self._frame.write(self._draw_list.frame.tobytes())
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
+        clips: list[Floats] = []
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
-            self._draw_behind(number, view, self._look(view), state.look, is_day=state.is_day)
-        for number, (target, view) in enumerate(zip(targets, views, strict=True)):
+            clips.append(self._look(view))
+            self._draw_behind(number, view, clips[-1], state.look, is_day=state.is_day)
+        for number, (target, view, clip) in enumerate(zip(targets, views, clips, strict=True)):
             target.begin()
             self._use_behind(number, view)
-            self._draw_colors(view, state.look, state.time, state.is_day)
+            self._write_camera(clip, view.position)
+            self._draw_colors(view, clip, state.look, state.time, state.is_day)
             if strokes is not None:
                 self._stroke_pass().draw(strokes, view)
         for target in targets:
@@ -245,9 +250,14 @@ class Renderer:
         self._context.enable(moderngl.BLEND)
         if look is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
-            area = np.array([*(self._shadows.drift if is_day else (0.0, 0.0)), self._shadows.reach], np.float32)
             vertices = 6 * self._draw_list.n_caster
-            self._draw_plain("ground_shade", vertices, {"area": area.tobytes()}, is_day=is_day)
+            self._draw_plain("ground_shade", vertices, {"reach": np.float32(DIM).tobytes()})
+            if is_day:
+                self._context.blend_equation = moderngl.MAX, moderngl.MAX
+                self._ground_shadows().draw(self._shadows.shades, clip)
+                shadows = {"along": self._shadows.along.astype(np.float32), "areas": self._draw_list.shadow_areas}
+                self._draw_plain("ground_shade", vertices, {k: v.tobytes() for k, v in shadows.items()}, is_day=True)
+                self._context.blend_equation = moderngl.FUNC_ADD, moderngl.FUNC_ADD
         if self._strips is not None:
             self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)
@@ -257,8 +267,7 @@ class Renderer:
     def _use_behind(self, number: int, view: View) -> None:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
-    def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
-        clip = self._look(view)
+    def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
         self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects)
         if self._is_sky_coarse(view):
             self._draw_coarse_sky(clip, look, view)
@@ -419,10 +428,10 @@ class Renderer:
                 continue
             places = np.swapaxes(np.frombuffer(bones, np.float32).reshape(-1, 4, 4), -1, -2).astype(np.float64)
             numbers = parts.in_sight(clip, places)
-            for number, r in enumerate(ranges):
-                own = numbers[parts.range[numbers] == number]
-                if len(own):
-                    yield self._meshes[id(mesh)], (*self._choose(parts, own), r.kind, r.textures), bones, glow, lit
+            own_range = parts.range[numbers]
+            for one, first, count in self._choose(parts, numbers, own_range):
+                r = ranges[own_range[one]]
+                yield self._meshes[id(mesh)], (first, count, r.kind, r.textures), bones, glow, lit
 
     def _seen_ranges(self, clip: Floats, seen_lit: SeenLit) -> Iterator[DrawCall]:
         """Ranges that look alike and have the same light are drawn at once."""
@@ -432,17 +441,26 @@ class Renderer:
         lit = [seen_lit(self._draw_list.static_lit[i]) for i in own_range.tolist()]
         groups = {one: k for k, one in enumerate(dict.fromkeys(lit))}
         looks = self._looks[own_range] * len(groups) + np.array([groups[one] for one in lit], np.intp)
-        for look in np.unique(looks):
-            first = int(np.argmax(looks == look))
-            i, own = int(own_range[first]), numbers[looks == look]
-            place = (*self._choose(parts, own), ranges[i].kind, ranges[i].textures)
-            yield self._meshes[id(self._static)], place, None, None, lit[first]
+        for one, first, count in self._choose(parts, numbers, looks):
+            r = ranges[own_range[one]]
+            yield self._meshes[id(self._static)], (first, count, r.kind, r.textures), None, None, lit[one]
 
-    def _choose(self, parts: Parts, numbers: NDArray[np.intp]) -> tuple[int, int]:
-        """Draw these parts in the present view: first of their indices, and how many."""
-        first = sum(map(len, self._chosen))
-        self._chosen.append(parts.indices_of(numbers))
-        return first, len(self._chosen[-1])
+    def _choose(
+        self, parts: Parts, numbers: NDArray[np.intp], keys: NDArray[np.intp]
+    ) -> Iterator[tuple[int, int, int]]:
+        """Draw these parts in the present view, those with the same key (at least 0) at once, in the order of the keys.
+
+        For each key: which of `numbers` is the first one with it, the first of their indices, and how many.
+        """
+        order = np.argsort(keys, kind="stable")
+        starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+        if len(starts):
+            own, before = numbers[order], sum(map(len, self._chosen))
+            self._chosen.append(parts.indices_of(own))
+            count = np.add.reduceat(parts.length[own], starts)
+            yield from zip(
+                order[starts].tolist(), (before + np.cumsum(count) - count).tolist(), count.tolist(), strict=True
+            )
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
@@ -457,6 +475,10 @@ class Renderer:
         definitions = {"DOWN": "1.0", "TAPS": self.quality.taps} | ({"SUNLIT": 1} if is_day else {})
         program = self._linked(f"{name}.vert", f"{name}.frag", False, **definitions)
         return program, self._context.vertex_array(program, [])
+
+    def _new_ground_shadows(self) -> GroundShadows:
+        program = self._linked("ground_shadow.vert", "ground_shadow.frag", TAPS=self.quality.taps)
+        return GroundShadows(self._context, program)
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
         is_quick = self.quality.detail == "reduced"

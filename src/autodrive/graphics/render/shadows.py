@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from autodrive.base.transforms import Vector
     from autodrive.graphics.render.gpu_mesh import GpuMesh
     from autodrive.graphics.render.quality import Quality
+    from autodrive.graphics.render.scene import Geometry
 
 TILES = 4
 """The shadow map of the vehicles has `TILES` x `TILES` tiles."""
@@ -82,12 +83,18 @@ class Shadows:
         extent = np.ptp(static.geometry.vertices["position"][:, :2], axis=0) if len(static.geometry.vertices) else 0.0
         self._is_large = bool(np.linalg.norm(extent) > FINE * quality.still_map)
         self._object_points: list[Floats] = []
+        self.shades: tuple[BaseGeometry, ...] = ()
+        """Areas of the ground in the shadow of static meshes and of objects; a new tuple whenever they change."""
+        self._static_shade: BaseGeometry = shapely.GeometryCollection()
+        self._shade_margin = 0.0
+        """By which they are too large [m]."""
         """Vertices of each object in the static shadow map, in map axes."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
         """Coordinates in the static shadow map, from 0 to 1: sun axes * scale + offset."""
         extent = max([0.05, *(1.05 * model.radius for model in vehicles)])
         self.caster_scale = np.array([0.5 / extent, 0.5 / extent, 1.0 / (2.0 * extent + 0.6)])
         self._extent = extent
+        self._bone_boxes = [_bone_boxes(model.geometry) for model in vehicles]
 
     def set_sun(self, direction: Vector) -> None:
         """Set the direction towards the sun; the static shadow map is redrawn if it has changed."""
@@ -95,6 +102,7 @@ class Shadows:
             self.sun_direction = direction
             self.sun = sun_axes(direction)
             self._drawn_objects = None
+            self.shades = ()
 
     @property
     def drift(self) -> Floats:
@@ -103,9 +111,25 @@ class Shadows:
         return -0.25 * np.array([x, y]) / z
 
     @property
-    def reach(self) -> float:
-        """How far around its centre a vehicle dims the ground, but for its drift [m]."""
-        return self._extent + DIM
+    def along(self) -> Floats:
+        """Level direction of the sunlight, a unit vector of shape (2,)."""
+        return np.array([self.sun[0, 1], -self.sun[0, 0]])
+
+    def areas(self, vehicles: Sequence[int], bones: Sequence[bytes]) -> Floats:
+        """Rectangles of the ground that contain the shadows of these vehicles, shape (CASTERS, 4) [m].
+
+        The first corner, `along` the sunlight and to its left, and the opposite one. `bones`: of all vehicles, columns.
+        """
+        x, y, z = self.sun_direction
+        margin, corners = self.margin, np.zeros((CASTERS, 4))
+        for slot, vehicle in enumerate(vehicles):
+            owner, points = self._bone_boxes[vehicle]
+            places = np.frombuffer(bones[vehicle], np.float32).reshape(-1, 4, 4)[owner].astype(np.float64)
+            at = (points @ places[:, :3, :3] + places[:, 3:, :3]).reshape(-1, 3)
+            fallen = at[:, :2] - np.maximum(at[:, 2:], 0.0) * np.array([[x / z, y / z]])
+            level = fallen @ np.column_stack([self.along, self.sun[0, :2]])
+            corners[slot] = *(level.min(0, initial=np.inf) - margin), *(level.max(0, initial=-np.inf) + margin)
+        return corners
 
     def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         texture = self._context.depth_texture((width, height))
@@ -119,6 +143,11 @@ class Shadows:
         """How far surfaces are moved towards the sun, against shadow acne [m]."""
         texels = 1.0 / (self.still_scale[:2].min() * self.still_size), TILES / (self.caster_scale[0] * self.caster_size)
         return SKIN * float(max(texels))
+
+    @property
+    def margin(self) -> float:
+        """How far a shadow on the ground can reach beyond its mesh, by `skin` and the filter of the map [m]."""
+        return 2.0 * self.skin / self.sun_direction[2]
 
     def draw_still(self, objects: Floats, eyes: Floats) -> bool:
         """Redraw the static shadow map if an object or the area has changed; whether an object has.
@@ -150,6 +179,8 @@ class Shadows:
                 self._static.draw(self._fixed)
                 self._draw_objects(clip, objects)
             frame.scissor = 0, 0, *frame.size
+        if is_moved or self.margin > self._shade_margin:
+            self._set_shades()
         return is_moved
 
     def area(self, eyes: Floats) -> Area | None:
@@ -199,12 +230,19 @@ class Shadows:
 
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
         """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""
-        static = self._static.geometry
-        points = static.vertices["position"].astype(np.float64)
-        meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
-        shades = [_shade(mesh, self.sun_direction) for mesh in [*meshes, *self._object_points]]
         grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
-        return shapely.intersects(grounds, shapely.union_all(shades))
+        return np.any(shapely.intersects(grounds[:, None], np.array(self.shades, object)), axis=1)
+
+    def _set_shades(self) -> None:
+        """Set `shades`, for the sun and the objects as drawn last."""
+        static, self._shade_margin = self._static.geometry, self.margin
+        if not self.shades:
+            points = static.vertices["position"].astype(np.float64)
+            meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
+            self._static_shade = shapely.union_all([_shade(mesh, self.sun_direction) for mesh in meshes])
+        objects = shapely.union_all([_shade(points, self.sun_direction) for points in self._object_points])
+        both = np.array([self._static_shade, objects])
+        self.shades = tuple(shapely.buffer(both, self._shade_margin, quad_segs=2).tolist())
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """Draw a tile for each of these vehicles; offsets from sun axes * caster_scale to the tile, and its place.
@@ -283,6 +321,15 @@ class Shadows:
         write(self._jointed, "clip_from_map", columns(clip))
         write(self._jointed, "bones", bones)
         self._vehicles[vehicle].draw(self._jointed)
+
+
+def _bone_boxes(own: Geometry) -> tuple[NDArray[np.intp], Floats]:
+    """Bones that move vertices, shape (n,), and the corners of a box around these, in their axes, shape (n, 8, 3)."""
+    points, bones = own.vertices["position"].astype(np.float64), own.vertices["bone_lamp"][:, 0].astype(np.intp)
+    used = np.unique(bones)
+    boxes = [np.array([points[bones == bone].min(0), points[bones == bone].max(0)]) for bone in used.tolist()]
+    corners = [np.stack(np.meshgrid(*box.T), axis=-1).reshape(8, 3) for box in boxes]
+    return used, np.array(corners).reshape(-1, 8, 3)
 
 
 def _shade(points: Floats, sun: Vector) -> BaseGeometry:

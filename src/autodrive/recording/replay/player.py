@@ -29,7 +29,7 @@ from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.process_cameras import ProcessCameras
-    from autodrive.protocol.native import Source
+    from autodrive.protocol.native import ContactForces, Source
     from autodrive.recording.replay.tape import Tape
     from autodrive.world import World
     from autodrive.world.simulation.clock import Clock
@@ -41,6 +41,9 @@ LEAST_SPEED, MOST_SPEED = 1e-3, 1e3
 
 IMAGE_POLL_PERIOD = 0.02
 """While time stands still, images that are being drawn are awaited in steps of this time [s]."""
+
+FORCES_POLL_PERIOD = 0.1
+"""Likewise, whether somebody looks at contact forces, and whether they are known [s]."""
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +60,7 @@ class Player(Paced):
 
     All viewers see the same time of the recording. A Frame that is shown while time passes has all events since the one
     before. `stages(time)` makes the Stage at a time of the recording, the same object while the scenario is the same.
-    `clock` replaces the wall clock, for tests.
+    `forces(time)`: the contact forces there; None: not known yet. `clock` replaces the wall clock, for tests.
     """
 
     def __init__(
@@ -67,11 +70,13 @@ class Player(Paced):
         *,
         speed: float = 1.0,
         is_paused: bool = False,
+        forces: Callable[[float], dict[str, ContactForces] | None] | None = None,
         clock: Clock | None = None,
     ) -> None:
         super().__init__(tape.frame_at(0.0), clock=clock, is_paused=is_paused, keeps_running=True)
         self._tape = tape
         self._stages = stages
+        self._forces = forces
         self._speed = _checked_speed(speed)
         self._position = 0.0
         self._recorded = self._frame
@@ -156,8 +161,11 @@ class Player(Paced):
             if self._is_paused:
                 before, measured, due = now, (now, self._position), now + PERIOD
                 cameras = self._stage.cameras
-                self._sleep(IMAGE_POLL_PERIOD if cameras is not None and cameras.has_pending_images else None)
+                is_drawing = cameras is not None and cameras.has_pending_images
+                self._sleep(IMAGE_POLL_PERIOD if is_drawing else self._forces and FORCES_POLL_PERIOD)
                 self._show_images()
+                if self._set_forces():
+                    self._publish(self._frame)
                 before = self._clock.now()
                 continue
             if now < due:
@@ -217,11 +225,19 @@ class Player(Paced):
         is_jump = is_jump or frame.tick < self._recorded.tick  # a recorded reset
         self._recorded, self._stage, self.world = frame, stage, stage.world
         stage.world.drawings = self._tape.drawings_at(time)
+        self._set_forces()
         if not is_new:
             return
         if stage.cameras is not None:
             frame = stage.cameras.update(frame, redraw=is_jump)
         self._publish(replace(frame, events=events) if events else frame)
+
+    def _set_forces(self) -> bool:
+        """Show the contact forces of that time, if somebody looks at them; whether they are others."""
+        before = self.world.contact_forces
+        if self._forces is not None and self.world.watches_contacts:
+            self.world.contact_forces = self._forces(self._position) or {}
+        return bool(before or self.world.contact_forces) and self.world.contact_forces is not before
 
     def _show_images(self) -> None:
         """Show images that were drawn meanwhile."""

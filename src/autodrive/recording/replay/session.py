@@ -19,6 +19,7 @@ from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.protocol.native import Drive
 from autodrive.protocol.replay import Curve, PlotRecording
+from autodrive.recording.replay.forces import ForcesAgain
 from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
 from autodrive.recording.replay.tape import Tape
@@ -55,7 +56,11 @@ class Replay:
             self.tape = self._stack.enter_context(Tape(Path(path)))
             stages = _Stages(self.tape, options.camera_quality)
             self._stack.callback(stages.close)
-            self.player = Player(self.tape, stages.at, speed=options.speed, is_paused=options.is_paused)
+            forces = ForcesAgain(Path(path))
+            self._stack.callback(forces.close)
+            self.player = Player(
+                self.tape, stages.at, speed=options.speed, is_paused=options.is_paused, forces=forces.at
+            )
             self._overview = Overview(recordings.open(path))
             self._stack.callback(self._overview.close)
         except BaseException:

@@ -1,17 +1,17 @@
-// How much sun and sky a vehicle takes from the ground z = 0, for scene.frag: only where it does. SUNLIT: by day.
+// How much sun (SUNLIT) or sky a vehicle takes from the ground z = 0, for scene.frag: only where it does.
 layout(std140) uniform Frame { FRAME_FIELDS };
 in vec3 place;
 flat in int slot;
 out vec4 pixel;
-LIGHT_FORMULAS
 #ifdef SUNLIT
 SHADOW_FORMULAS
+#else
+LIGHT_FORMULAS
 #endif
 void main() {
-    vec4 other = caster_place[slot];
-    float lit = 1.0;
 #ifdef SUNLIT
-    lit = beside(slot, mat3(sun_from_map) * (place + vec3(0.0, 0.0, still_offset.w)));
+    pixel = vec4(0.0, 0.0, 1.0 - beside(slot, mat3(sun_from_map) * (place + vec3(0.0, 0.0, still_offset.w))), 0.0);
+#else
+    pixel = vec4(0.0, 0.0, 0.0, 1.0 - open_beside(caster_place[slot], place.xy - caster_place[slot].xy));
 #endif
-    pixel = vec4(0.0, 0.0, 1.0 - lit, 1.0 - open_beside(other, place.xy - other.xy));
 }

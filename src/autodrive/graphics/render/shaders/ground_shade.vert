@@ -1,15 +1,23 @@
-// The ground that each vehicle dims: a square around its place and its shadow, two triangles for each vehicle.
+// The ground that each vehicle dims, two triangles for each. SUNLIT: a rectangle around its shadow; else around itself.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
-uniform vec3 area;  // how far the shadow of a vehicle reaches beyond it, along x and y; half the width of the square [m]
+#ifdef SUNLIT
+uniform vec2 along;      // the level direction of the sunlight
+uniform vec4 areas[16];  // corners of the rectangles: along it, to its left, opposite corner [m]
+#else
+uniform float reach;     // a vehicle dims the ground so far around it [m]
+#endif
 out vec3 place;
 flat out int slot;
 void main() {
     slot = gl_VertexID / 6;
     int corner = gl_VertexID - 6 * slot;
-    float far = length(area.xy);
-    vec2 along = far > 1e-6 ? area.xy / far : vec2(1.0, 0.0);
-    vec2 at = vec2(corner == 1 || corner == 2 || corner == 4 ? far + area.z : -area.z, corner < 2 || corner == 3 ? -area.z : area.z);
-    place = vec3(caster_place[slot].xy + at.x * along + at.y * vec2(-along.y, along.x), 0.0);
+    bvec2 is_far = bvec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner > 3);
+#ifdef SUNLIT
+    vec2 at = mix(areas[slot].xy, areas[slot].zw, vec2(is_far)), x = along, middle = vec2(0.0);
+#else
+    vec2 at = (caster_half.xy + reach) * mix(vec2(-1.0), vec2(1.0), vec2(is_far)), x = caster_place[slot].zw, middle = caster_place[slot].xy;
+#endif
+    place = vec3(middle + at.x * x + at.y * vec2(-x.y, x.x), 0.0);
     gl_Position = clip_from_map * vec4(place, 1.0);
 }

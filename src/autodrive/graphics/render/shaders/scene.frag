@@ -44,8 +44,7 @@ SHADOW_FORMULAS
 float sunlit() {
     float lit = 1.0;
 #ifdef STILL
-    vec3 at = in_sun * still_scale.xyz + still_offset.xyz, off = abs(at - 0.5);
-    lit = max(off.x, off.y) < 0.499 ? shadow(still_map, at, vec2(still_scale.w)) : 1.0;
+    lit = unshaded(still_map, in_sun * still_scale.xyz + still_offset.xyz);
 #endif
     for (int i = 0; i < CASTERS; i++) lit = min(lit, beside(casters[i], in_sun));
     return lit;

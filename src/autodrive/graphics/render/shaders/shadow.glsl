@@ -12,6 +12,12 @@ float shadow(sampler2DShadow map, vec3 at, vec2 texel) {
 #endif
 }
 
+// Share of the sun that static meshes and objects let pass. `at`: place in their shadow map.
+float unshaded(sampler2DShadow map, vec3 at) {
+    vec2 off = abs(at.xy - 0.5);
+    return max(off.x, off.y) < 0.499 ? shadow(map, at, vec2(still_scale.w)) : 1.0;
+}
+
 // Share of the sun that passes beside the vehicle in that slot. `in_sun`: place in the axes of the sun.
 float beside(int slot, vec3 in_sun) {
     vec4 tile = caster_tile[slot];
