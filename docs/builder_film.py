@@ -137,7 +137,8 @@ class Film:
 
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
-        edits = "[store.status.value.undo, Object.keys(store.scene.value.map_scene?.parts ?? store.scene.value.model)]"
+        scene = "store.scene.value"
+        edits = f"[store.status.value.undo, {scene}.model, Object.keys({scene}.map_scene?.parts ?? [])]"
         before = self.value(edits)
         act()
         self.wait(lambda: self.value(edits) != before)

@@ -7,13 +7,13 @@ Install it, train, and watch the result:
 
 Problems: "race" (car RoboRacer, LIDAR, random tracks), "robust" (the same with more latency, noise, other grip and
 mass, and dearer collisions), "duel" (two of them in each race, driven by the policy that learns, by itself as it was,
-or by other drivers), "crossing" (four cars Nigel drive through a crossing, all driven by the policy that learns), and
-"lane" (car Nigel, lane keeping). `--begin-with` saves "robust" and "duel" the beginning: runs/race, or a policy. The
-output folder gets checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from
-there.
+or by other drivers), "overtake" (such a driver learns to keep its distance and to pass), "crossing" (four cars Nigel
+drive through a crossing, all driven by the policy that learns), and "lane" (car Nigel, lane keeping). `--begin-with`
+gives "robust", "duel" and "overtake" the beginning: runs/race, or a policy. The output folder gets checkpoint.eqx,
+policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
-arXiv:1506.02438).
+arXiv:1506.02438); that of "overtake" is DAgger (Ross et al., arXiv:1011.0686).
 """
 
 import time
@@ -59,7 +59,14 @@ GAP, PAST = "gap", "past"  # rivals: the example of a race, and the policy of so
 FOLLOW_THE_GAP = Path(__file__).parents[1] / "racing" / "follow_the_gap.py"
 CALM = -1.7  # logarithm of the standard deviation then
 RENEWAL = 50  # updates after which the policy of then becomes the rival of the past
-ONLY_VALUES = 12  # updates that learn the values only, if a policy was the beginning
+ONLY_VALUES = 20  # updates that learn the values only, if a policy was the beginning
+TOP_SPEED = 22.88  # of throttle 1 [m/s]
+LENGTH, DISTANCE, SIDE = 0.5, 0.5, 0.42  # of the car, behind a rival, and from its centre to the side [m]
+BRAKING = 1.5  # towards a rival [m/s^2]
+SEEN, NEAR = 4.0, 2.5  # rivals ahead, and around, that matter [m]
+SURPLUS, SWERVE = 1.5, 0.45  # speed beyond that of a rival [m/s] from which it steers that much to the other side
+LESSONS, LESSON_BATCHES, LESSON_BATCH = 300_000, 48, 1024  # kept; of each improvement, and in each of them
+FAR_LESSONS = 0.4  # part of those without a rival near that is kept
 SCALES = {"speed": 0.2, "wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}
 """Factors of features, which become about -1 to 1; the others stay."""
 
@@ -85,7 +92,9 @@ class Problem:
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
     ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
+    deviation: float = -1.5  # logarithm of the standard deviation of the actions, if a policy is the beginning
     rate: float = 5e-4  # of the learning at the start
+    value_rate: float = 1.0  # factor of the rate for the values
     decay: int = 6000  # updates until the rate is a tenth
     calm: int = 0  # steps after which the actions deviate less from their mean; 0: never
     rivals: Mapping[str, int] = field(default_factory=dict[str, int])  # of the first car, and in how many worlds
@@ -121,29 +130,41 @@ HARDER = {
     "mass": (0.75, 1.25),
     "latency": (0.0, 0.055),
 }
+DUEL = replace(
+    RACE,
+    discount=0.995,
+    settings={
+        **RACE.settings,
+        "tracks": 48,
+        "track_seed": 200,
+        "track_width": (1.3, 1.5),
+        "track_length": 40.0,
+        "track_radius": 1.4,
+        "noise": (0.5, 1.5),
+        "friction": (0.95, 1.05),
+        "mass": (0.95, 1.05),
+        "latency": (0.0, 0.01),
+        "cars": 2,
+        "rivalry": 1.0,
+        "max_episode_steps": 400,  # 10 s: most is decided soon after the start
+    },
+    crash=60.0,
+    deviation=-1.8,
+    rate=1.5e-4,
+    value_rate=4.0,
+    decay=60000,
+    rivals={"race": 22, "gap": 2, "past": 4},
+)
 PROBLEMS = {
     "race": RACE,
     "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=24000),
-    "duel": replace(
-        RACE,
-        settings={
-            **RACE.settings,
-            "tracks": 48,
-            "track_seed": 200,
-            "track_width": (1.2, 1.6),
-            "track_length": (40.0, 64.0),
-            "track_radius": (0.75, 2.0),
-            "noise": (0.0, 1.5),
-            "friction": (0.9, 1.1),
-            "mass": (0.9, 1.1),
-            "latency": (0.0, 0.02),
-            "cars": 2,
-            "rivalry": 0.3,
-        },
-        crash=25.0,
-        rate=2e-4,
+    "duel": DUEL,
+    "overtake": replace(
+        DUEL,
+        settings={**DUEL.settings, "max_episode_steps": 900},
+        rate=1e-3,
         decay=12000,
-        rivals={"gap": 20, "race": 6},
+        rivals={"race": 22, "gap": 6},
     ),
     "crossing": Problem(
         "autodrive:NigelCrossing-v0",
@@ -162,7 +183,8 @@ PROBLEMS = {
 def optimizer(problem: Problem) -> optax.GradientTransformation:
     """Adam, whose rate falls to a tenth."""
     rate = optax.linear_schedule(problem.rate, 0.1 * problem.rate, problem.decay)
-    return optax.chain(optax.clip_by_global_norm(0.5), optax.adam(rate, eps=1e-5))
+    of_values = optax.masked(optax.scale(problem.value_rate), _is_of_critic)
+    return optax.chain(optax.clip_by_global_norm(0.5), optax.adam(rate, eps=1e-5), of_values)
 
 
 class Agent(eqx.Module):
@@ -342,6 +364,28 @@ class Trainer:
     def rollout(self) -> tuple[Rollout, jax.Array]:
         """Drive for HORIZON steps. Returns what happened, and the values of the last observations."""
         rows = []
+        seen = self.seen()
+        for _ in range(HORIZON):
+            self.key, key = jax.random.split(self.key)
+            action, probability, value = decide(self.agent, seen, key)
+            was_live = self.envs.is_live.copy() if self.problem.ends_alone else self.rivals.is_learner
+            reward, terminated, truncated, last = self.drive(action)
+            is_over = terminated | truncated
+            has_ended = was_live & (is_over | ~self.envs.is_live) if self.problem.ends_alone else is_over
+            reward = reward - self.problem.crash * (terminated & has_ended)
+            self._sums += reward
+            reward = self.problem.reward * reward
+            if truncated.any():  # it would have gone on: the value of what came last stands for the rest
+                reward[truncated] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last[truncated]))
+            self.returns += self._sums[has_ended & self.rivals.is_learner].tolist()
+            self._sums[has_ended] = 0.0
+            rows.append(Rollout(seen, action, probability, value, *map(np.float32, (reward, has_ended, was_live))))
+            seen = self.seen()
+        self.steps += ENVS * HORIZON
+        return Rollout(*map(np.stack, zip(*rows, strict=True))), jax.vmap(self.agent.critic)(seen)
+
+    def seen(self) -> jax.Array:
+        """What the policies of all cars read now; at first all episodes begin."""
         if self._seen is None:
             observation, _ = self.envs.reset(seed=1_000_003 * self.seed + self.steps)
             self.past.begin(observation)
@@ -349,36 +393,27 @@ class Trainer:
             self._seen = self.read()
             cars = self.envs.car_count
             self.envs.steps[:] = np.random.default_rng(self.seed).integers(0, 1000, ENVS // cars).repeat(cars)
-        for _ in range(HORIZON):
-            self.key, key = jax.random.split(self.key)
-            action, probability, value = decide(self.agent, self._seen, key)
-            was_live = self.envs.is_live.copy() if self.problem.ends_alone else self.rivals.is_learner
-            commands = self.command(action)
-            self.rivals.drive(commands)
-            observation, reward, terminated, truncated, info = self.envs.step(commands)
-            is_over = terminated | truncated  # the next episode has begun
-            has_ended = was_live & (is_over | ~self.envs.is_live) if self.problem.ends_alone else is_over
-            reward = reward - self.problem.crash * (terminated & has_ended)
-            self._sums += reward
-            reward = self.problem.reward * reward
-            begun = observation.copy()
-            if is_over.any():
-                observation[is_over] = np.stack(info["final_obs"][is_over])
-            self.past.add(observation)
-            self.rivals.add(observation)
-            if truncated.any():  # it would have gone on: the value of what came last stands for the rest
-                last = self.read()[truncated]
-                reward[truncated] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last))
-            self.past.begin(begun[is_over], is_over)
-            self.rivals.begin(begun, is_over)
-            self.returns += self._sums[has_ended & self.rivals.is_learner].tolist()
-            self._sums[has_ended] = 0.0
-            rows.append(
-                Rollout(self._seen, action, probability, value, *map(np.float32, (reward, has_ended, was_live)))
-            )
-            self._seen = self.read()
-        self.steps += ENVS * HORIZON
-        return Rollout(*map(np.stack, zip(*rows, strict=True))), jax.vmap(self.agent.critic)(self._seen)
+        return self._seen
+
+    def drive(self, action: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, jax.Array]:
+        """One step of all cars. Returns rewards, which episodes ended and which were truncated, and what was read.
+
+        That is at the end of these episodes: the next ones have begun then.
+        """
+        commands = self.command(action)
+        self.rivals.drive(commands)
+        observation, reward, terminated, truncated, info = self.envs.step(commands)
+        is_over = terminated | truncated
+        begun = observation.copy()
+        if is_over.any():
+            observation[is_over] = np.stack(info["final_obs"][is_over])
+        self.past.add(observation)
+        self.rivals.add(observation)
+        last = self.read()
+        self.past.begin(begun[is_over], is_over)
+        self.rivals.begin(begun, is_over)
+        self._seen = self.read() if is_over.any() else last
+        return reward, terminated, truncated, last
 
     def improve(self) -> None:
         """One rollout, and what is learnt from it."""
@@ -415,31 +450,141 @@ class Trainer:
 
     def resume(self, folder: Path) -> None:
         """Go on from a checkpoint; all cars begin a new episode."""
+        self._drive_like(Policy.load(folder / "policy.npz"))
         learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
         self.agent, self.memory, self.key, self.steps, self.seconds = learnt
 
-    def begin_with(self, source: str) -> None:
-        """Take the networks of another training that reads the same, or a policy; then values are learnt first."""
+    def begin_with(self, source: str, factor: float = 1.0) -> None:
+        """Take the networks of another training that reads the same, or a policy; then values are learnt first.
+
+        `factor`: by which the policy is made slower, see `Policy.slower`.
+        """
         if (folder := Path(source)).is_dir():
+            self._drive_like(Policy.load(folder / "policy.npz"))
             self.agent = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())[0]
             return
-        policy = Policy.find(source)
+        policy = Policy.find(source).slower(factor)
+        self._drive_like(policy)
         places = [self.inputs.index(name) for name in policy.inputs]
         (weight, bias), *rest = policy.layers
         wide = np.zeros((len(weight), len(self.inputs)), np.float32)
         wide[:, places] = weight * np.array(policy.scale) / self.scale[places]
-        (low, high), (least, most) = policy.throttle, self.problem.throttle
-        last, offset = rest[-1][0].copy(), rest[-1][1].copy()
-        last[0] *= (high - low) / (most - least)  # the same throttle, of another range
-        offset[0] = (offset[0] * (high - low) + (high + low) - (most + least)) / (most - least)
-        rest[-1] = last, offset
-        given = [one for layer in ((wide, bias), *rest) for one in layer] + [np.full(2, -1.5, np.float32)]
+        given = [one for layer in ((wide, bias), *rest) for one in layer] + [
+            np.full(2, self.problem.deviation, np.float32)
+        ]
         self.agent = eqx.tree_at(_of_actor, self.agent, [jnp.asarray(one) for one in given])
         self.only_values = ONLY_VALUES
         self.rivals.use(PAST, self.policy())
 
+    def _drive_like(self, policy: Policy) -> None:
+        """Let outputs mean what they do for this policy: it may read those of the last steps."""
+        self.problem = replace(self.problem, throttle=policy.throttle)
+
     def _learnt(self):
         return self.agent, self.memory, self.key, self.steps, self.seconds
+
+
+class Overtaker(Trainer):
+    """Learns to do, by what it reads, what the driver of the beginning does if `guarded` knows where the rival is.
+
+    It drives itself, so that it learns where its own mistakes lead (DAgger: Ross et al., arXiv:1011.0686).
+    """
+
+    def __init__(self, name: str, seed: int) -> None:
+        super().__init__(name, seed)
+        self.teacher = self.agent.actor
+        self._rng = np.random.default_rng(seed)
+        self._lessons = [np.zeros((LESSONS, width), np.float32) for width in (len(self.inputs), 2, 1)]
+        self._count = 0
+
+    def begin_with(self, source: str, factor: float = 1.0) -> None:
+        """See `Trainer.begin_with`; that driver is the teacher."""
+        super().begin_with(source, factor)
+        self.teacher = self.agent.actor
+
+    def improve(self) -> None:
+        """Drive for HORIZON steps, and learn from some of the last lessons."""
+        for _ in range(HORIZON):
+            read = self.seen()
+            lesson, weight, is_near = self.lesson(read)
+            rows = np.flatnonzero(self.rivals.is_learner & (is_near | (self._rng.random(ENVS) < FAR_LESSONS)))
+            places = np.arange(self._count, self._count + len(rows)) % LESSONS
+            for kept, new in zip(self._lessons, (np.asarray(read), lesson, weight[:, None]), strict=True):
+                kept[places] = new[rows]
+            self._count += len(rows)
+            action = _act(self.agent.actor, read) + 0.05 * self._rng.normal(size=(ENVS, 2))
+            reward, terminated, truncated, _ = self.drive(action)
+            self._sums += reward
+            has_ended = self.rivals.is_learner & (terminated | truncated)
+            self.returns += self._sums[has_ended].tolist()
+            self._sums[terminated | truncated] = 0.0
+        self.steps += ENVS * HORIZON
+        chosen = self._rng.integers(0, min(self._count, LESSONS), (LESSON_BATCHES, LESSON_BATCH))
+        batches = [jnp.asarray(kept[chosen]) for kept in self._lessons]
+        self.agent, self.memory = imitate(self.agent, self.memory, batches, self.optimizer)
+
+    def lesson(self, read: jax.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Outputs of the guarded teacher, shape (n, 2), their weights, and whether a rival is near, each (n,)."""
+        (low, high), outputs = self.problem.throttle, _act(self.teacher, read)
+        wish = low + (high - low) * 0.5 * (outputs[:, 0] + 1.0)
+        throttle, swerve, is_near = guarded(wish, self.envs.batch.readings)
+        slow = np.maximum(2.0 * (throttle - low) / (high - low) - 1.0, -1.2)
+        drive = np.where(throttle < wish, slow, outputs[:, 0])
+        steer = np.where(swerve != 0.0, np.clip(outputs[:, 1] + swerve, -1.0, 1.0), outputs[:, 1])
+        weight = np.where(throttle < wish, 2.0, 1.0) * np.where(is_near, 1.5, 1.0)
+        return np.column_stack([drive, steer]), weight, is_near
+
+
+def guarded(wish: np.ndarray, cars: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Throttle and additional steering of cars that race in pairs, and whether the rival is near.
+
+    `wish`: throttle without a rival, shape (n,); `cars`: readings of the batch. Behind a rival the car is so fast that
+    it can brake to the speed of the rival before `DISTANCE`. If it could be faster by `SURPLUS`, it steers beside it.
+    """
+    place, velocity = (one.reshape(-1, 2, 3)[..., :2] for one in (cars.position, cars.velocity))
+    turn = cars.orientation.reshape(-1, 2, 4)
+    yaw = 2.0 * np.arctan2(turn[..., 3], turn[..., 0])
+    there, away = place[:, ::-1] - place, yaw[:, ::-1] - yaw
+    ahead = (there[..., 0] * np.cos(yaw) + there[..., 1] * np.sin(yaw)).ravel()
+    left = (there[..., 1] * np.cos(yaw) - there[..., 0] * np.sin(yaw)).ravel()
+    other = velocity[:, ::-1]
+    pace = (other[..., 0] * np.cos(away) - other[..., 1] * np.sin(away)).ravel()  # of the rival, along this car
+    is_behind = (np.abs(left) < SIDE + 0.2 * np.abs(np.sin(away.ravel()))) & (ahead > 0.0) & (ahead < SEEN)
+    room = ahead - LENGTH - DISTANCE
+    speed = pace + np.where(room > 0.0, np.sqrt(2.0 * BRAKING * np.maximum(room, 0.0)), 4.0 * room)
+    throttle = np.where(is_behind, np.minimum(wish, np.maximum(speed, 0.3) / TOP_SPEED), wish)
+    may_pass = is_behind & (ahead < LENGTH + 1.0) & (wish * TOP_SPEED - pace > SURPLUS)
+    swerve = np.where(may_pass, np.where(left > 0.0, -SWERVE, SWERVE), 0.0)
+    is_near = (np.abs(ahead) < NEAR) & (np.abs(left) < NEAR)
+    return throttle, swerve, is_near
+
+
+@eqx.filter_jit
+def _act(actor: eqx.nn.MLP, read: jax.Array) -> Any:
+    return jax.vmap(actor)(read)
+
+
+@eqx.filter_jit
+def imitate(agent, memory, batches, optimizer) -> tuple[Any, Any]:
+    """Improve the actor by lessons: what was read, outputs, and weights."""
+    weights, rest = eqx.partition(agent, eqx.is_inexact_array)
+
+    def error(these: Any, read: jax.Array, lesson: jax.Array, weight: jax.Array) -> jax.Array:
+        return jnp.mean(weight * (jax.vmap(eqx.combine(these, rest).actor)(read) - lesson) ** 2)
+
+    def update(carry, batch):
+        weights, memory = carry
+        changes, memory = optimizer.update(jax.grad(error)(weights, *batch), memory, weights)
+        return (optax.apply_updates(weights, changes), memory), None
+
+    (weights, memory), _ = jax.lax.scan(update, (weights, memory), batches)
+    return eqx.combine(weights, rest), memory
+
+
+def _is_of_critic(tree: Agent) -> Any:
+    """Of each array, whether it decides about the values."""
+    no = jax.tree.map(lambda _: False, tree)
+    return eqx.tree_at(lambda one: one.critic, no, jax.tree.map(lambda _: True, tree.critic))
 
 
 def _of_actor(agent: Agent) -> list[Any]:
@@ -481,14 +626,19 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("runs/race"), help="folder of the results")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
     parser.add_argument("--begin-with", help="folder of another training, or a policy, that is improved")
+    parser.add_argument("--slower", type=float, default=1.0, help="factor by which that policy is made slower")
     parser.add_argument("--until-clean", action="store_true", help="end when it drives ten clean laps on all tracks")
     options = parser.parse_args()
     if options.until_clean and options.problem not in ALONE:
         parser.error("--until-clean is for the problems 'race' and 'robust': the others have no laps")
+    if options.slower != 1.0 and (not options.begin_with or Path(options.begin_with).is_dir()):
+        parser.error("--slower is for a policy that is the beginning: --begin-with POLICY")
+    if options.problem == "overtake" and not options.begin_with:
+        parser.error("'overtake' improves a driver: give it with --begin-with, for example runs/duel")
     options.output.mkdir(parents=True, exist_ok=True)
-    trainer = Trainer(options.problem, options.seed)
+    trainer = (Overtaker if options.problem == "overtake" else Trainer)(options.problem, options.seed)
     if options.begin_with:
-        trainer.begin_with(options.begin_with)
+        trainer.begin_with(options.begin_with, options.slower)
     if options.resume:
         trainer.resume(options.output)
     start = START - trainer.seconds

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.policies import Policy
-from autodrive.experiments.policies.policy import Pace
+from autodrive.experiments.policies.policy import Drivers, Pace
 from autodrive.experiments.policies.racer import drive_laps
 
 LEARNING = Path(__file__).parents[3] / "examples" / "learning"
@@ -112,20 +113,27 @@ def test_only_live_cars_of_the_crossing_are_learnt_from_and_actions_get_calm() -
 
 
 @pytest.mark.slow
-def test_rivals_drive_and_a_policy_is_the_beginning() -> None:
+def test_rivals_drive_and_a_policy_is_the_beginning(tmp_path: Path) -> None:
+    import jax  # as above
+
     example: Any = runpy.run_path(EXAMPLE)
     example["PROBLEMS"]["duel"].settings.update(tracks=2, latency=0.0)
     trainer = example["Trainer"]("duel", 1)
-    trainer.begin_with("race")
-    race, ours = Policy.find("race"), trainer.policy()
-    given = dict(zip(ours.inputs, np.random.default_rng(1).uniform(0.0, 3.0, len(ours.inputs)), strict=True))
-
-    def command(policy: Policy) -> tuple[float, float]:
-        drive, steer = policy.outputs(np.array([given[name] for name in policy.inputs]))
-        low, high = policy.throttle
-        return low + (high - low) * 0.5 * (drive + 1.0), steer
-
-    assert command(ours) == pytest.approx(command(race), abs=1e-5)
+    race = Policy.find("race").slower(0.9)
+    trainer.begin_with("race", 0.9)
+    names = [one.name for one in observed(trainer.envs.task, "lidar")]
+    drivers, given = Drivers(race, names, 64), np.random.default_rng(1).uniform(0.0, 3.0, (10, 64, len(names)))
+    trainer.past.begin(given[0])
+    for k, readings in enumerate(given):  # it reads what it put out in the last steps
+        if k:
+            trainer.past.add(readings)
+        action = jax.vmap(trainer.agent.actor)(trainer.read())
+        assert trainer.command(action) == pytest.approx(drivers.act(readings), abs=1e-5)
+    trainer.save(tmp_path)
+    for go_on in ("begin_with", "resume"):
+        other = example["Trainer"]("duel", 1)
+        getattr(other, go_on)(tmp_path)
+        assert other.policy().throttle == race.throttle
     before = trainer.policy()
     trainer.improve()  # the values only
     assert all(np.array_equal(*pair) for pair in zip(before.layers[0], trainer.policy().layers[0], strict=True))
@@ -135,6 +143,63 @@ def test_rivals_drive_and_a_policy_is_the_beginning() -> None:
     assert np.isfinite(commands[is_rival]).all()
     assert np.isnan(commands[~is_rival]).all()
     assert is_rival.sum() == sum(trainer.problem.rivals.values())
+
+
+@pytest.mark.slow
+def test_the_lessons_of_a_guarded_driver_change_the_actor_only() -> None:
+    import equinox as eqx  # as above
+    import jax
+    import jax.numpy as jnp
+
+    example: Any = runpy.run_path(EXAMPLE)
+    example["PROBLEMS"]["overtake"].settings.update(tracks=2, latency=0.0)
+    pupil = example["Overtaker"]("overtake", 1)
+    pupil.begin_with("race")
+    before, teacher = pupil.agent, pupil.policy()
+    pupil.improve()
+    read, lesson, weight = (jnp.asarray(one[: pupil._count]) for one in pupil._lessons)
+
+    def error(agent: Any) -> float:
+        return float(jnp.mean(weight * (jax.vmap(agent.actor)(read) - lesson) ** 2))
+
+    assert error(pupil.agent) < 0.8 * error(before)
+    assert eqx.tree_equal(before.critic, pupil.agent.critic)
+    assert eqx.tree_equal(before.actor, pupil.teacher)
+    # alone, the teacher is not changed: outputs of the lesson are those of the policy
+    alone = np.asarray(weight)[:, 0] == 1.0
+    raw = np.asarray(read, float)[alone] / np.array(pupil.scale)
+    assert teacher.outputs(raw) == pytest.approx(np.clip(np.asarray(lesson)[alone], -1.0, 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_a_guarded_car_can_brake_behind_its_rival_and_steers_beside_a_slow_one(turn: float) -> None:
+    """The rival, at the speed `pace`, is `ahead` of the car and to the `left` of it, at the same heading."""
+    example: Any = runpy.run_path(EXAMPLE)
+
+    def guarded(ahead: float, left: float, pace: float, wish: float) -> list[float]:
+        c, s = np.cos(turn), np.sin(turn)
+        rival = [5.0 + ahead * c - left * s, 3.0 + ahead * s + left * c, 0.0]
+        cars = types.SimpleNamespace(
+            position=np.array([[5.0, 3.0, 0.0], rival]),
+            velocity=np.array([[4.0, 0.0, 0.0], [pace, 0.0, 0.0]]),
+            orientation=np.tile([np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)], (2, 1)),
+        )
+        throttle, swerve, is_near = example["guarded"](np.full(2, wish / example["TOP_SPEED"]), cars)
+        is_free = (throttle[1], swerve[1]) == (wish / example["TOP_SPEED"], 0.0)
+        assert is_free == (ahead > 0.0)  # the one ahead
+        return [float(throttle[0] * example["TOP_SPEED"]), float(swerve[0]), float(is_near[0])]
+
+    gap = example["LENGTH"] + example["DISTANCE"]
+    speed, swerve, _ = guarded(gap + 1.2, 0.1, 2.0, 8.0)
+    # from that speed it brakes to the pace of the rival within 1.2 m, seen from the rival
+    assert (speed - 2.0) ** 2 / (2.0 * example["BRAKING"]) == pytest.approx(1.2)
+    assert swerve == 0.0
+    assert guarded(gap, 0.1, 2.0, 8.0) == pytest.approx([2.0, -example["SWERVE"], 1.0])
+    assert guarded(gap, -0.1, 2.0, 8.0) == pytest.approx([2.0, example["SWERVE"], 1.0])
+    assert guarded(gap, 0.1, 5.0, 5.5) == pytest.approx([5.0, 0.0, 1.0])  # it is not much faster
+    assert guarded(gap - 0.1, 0.1, 5.0, 5.5) == pytest.approx([4.6, 0.0, 1.0])  # it falls back
+    for ahead, left, near in [(gap, 0.5, 1.0), (-1.0, 0.0, 1.0), (4.5, 0.0, 0.0)]:
+        assert guarded(ahead, left, 2.0, 8.0) == pytest.approx([8.0, 0.0, near])
 
 
 @pytest.mark.parametrize(("minutes", "laps"), [("0.1", [1]), ("1.4", [1]), ("1.5", [1, 2]), ("30", [1, 2, 3])])

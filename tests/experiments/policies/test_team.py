@@ -30,6 +30,14 @@ def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
     assert all(np.array_equal(one[3:4], other) for one, other in zip(results, alone, strict=True))
 
 
+@pytest.mark.slow
+def test_the_included_policy_beats_that_for_single_cars_in_a_duel() -> None:
+    """In the 200 races that the documentation counts."""
+    results = drive(duel_team(Policy.find("head_to_head"), Policy.find("race"), has_noise=True), 200, seed=0)
+    assert results.is_success[:, 0].mean() >= 0.6
+    assert results.has_collided.any(axis=1).mean() <= 0.1
+
+
 def test_two_policies_race_with_the_same_bits_in_one_world_and_in_many() -> None:
     policy = Policy.find("race")
     team = duel_team(policy, policy, laps=1, has_noise=True)
