@@ -64,6 +64,7 @@ SCRIPTS = {
     "world.step({'V1': Command('fast')})": "must be a finite number in [-1, 1], not fast",
     "world.reset(poses={'V1': (0.0, 0.0)})": "must be x, y [m] and yaw [rad], not (0.0, 0.0)",
     "world.set_driving_mode('V1', 'manual')": "must be True or False, not 'manual'",
+    "world.set_driving_mode(['V1'], True)": "vehicle '['V1']' is not in this world. Known: V1.",
     "world.restore(frame)": "needs a Snapshot, which save() returns, not Frame",
     "world.add_sensor('V1', 'radar', 3)": "an object with `rate`, `columns` and the function `sample(view, random)`",
     "Simulation(world).request('reset')": "must be an Operation, such as Reset(), not 'reset'",

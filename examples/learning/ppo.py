@@ -494,8 +494,8 @@ class Overtaker(Trainer):
         super().__init__(name, seed)
         self.teacher = self.agent.actor
         self._rng = np.random.default_rng(seed)
-        self._lessons = [np.zeros((LESSONS, width), np.float32) for width in (len(self.inputs), 2, 1)]
-        self._count = 0
+        self.lessons = [np.zeros((LESSONS, width), np.float32) for width in (len(self.inputs), 2, 1)]
+        self.lesson_count = 0
 
     def begin_with(self, source: str, factor: float = 1.0) -> None:
         """See `Trainer.begin_with`; that driver is the teacher."""
@@ -508,10 +508,10 @@ class Overtaker(Trainer):
             read = self.seen()
             lesson, weight, is_near = self.lesson(read)
             rows = np.flatnonzero(self.rivals.is_learner & (is_near | (self._rng.random(ENVS) < FAR_LESSONS)))
-            places = np.arange(self._count, self._count + len(rows)) % LESSONS
-            for kept, new in zip(self._lessons, (np.asarray(read), lesson, weight[:, None]), strict=True):
+            places = np.arange(self.lesson_count, self.lesson_count + len(rows)) % LESSONS
+            for kept, new in zip(self.lessons, (np.asarray(read), lesson, weight[:, None]), strict=True):
                 kept[places] = new[rows]
-            self._count += len(rows)
+            self.lesson_count += len(rows)
             action = _act(self.agent.actor, read) + 0.05 * self._rng.normal(size=(ENVS, 2))
             reward, terminated, truncated, _ = self.drive(action)
             self._sums += reward
@@ -519,8 +519,8 @@ class Overtaker(Trainer):
             self.returns += self._sums[has_ended].tolist()
             self._sums[terminated | truncated] = 0.0
         self.steps += ENVS * HORIZON
-        chosen = self._rng.integers(0, min(self._count, LESSONS), (LESSON_BATCHES, LESSON_BATCH))
-        batches = [jnp.asarray(kept[chosen]) for kept in self._lessons]
+        chosen = self._rng.integers(0, min(self.lesson_count, LESSONS), (LESSON_BATCHES, LESSON_BATCH))
+        batches = [jnp.asarray(kept[chosen]) for kept in self.lessons]
         self.agent, self.memory = imitate(self.agent, self.memory, batches, self.optimizer)
 
     def lesson(self, read: jax.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

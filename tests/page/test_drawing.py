@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from autodrive.protocol.messages import Draw, Drawing, Pause, Reset, Resume, Step
@@ -53,15 +56,17 @@ def test_drawings_are_seen_until_they_disappear_and_can_be_hidden(
 
 
 @pytest.mark.parametrize("kind", ["points", "path", "text"])
-def test_drawings_are_in_the_images_of_the_simulator(kind: str, plane: PageServer, new_tab: NewTab) -> None:
+def test_drawings_are_in_the_images_of_the_simulator(
+    kind: Literal["points", "path", "text"], plane: PageServer, new_tab: NewTab
+) -> None:
     plane.request(Pause())
     try:
         x, y, _ = plane.vehicle.pose.position.tolist()
         above = [(x + 0.8, y + 0.05 * side, 0.25) for side in ((0,) if kind == "text" else (-1, 1))]
-        shape = {"kind": kind, "points": tuple(above), "text": "HHHH" if kind == "text" else ""}
+        drawing = Drawing(kind, tuple(above), "HHHH" if kind == "text" else "", color=MAGENTA, size=0.1)
         tab = new_tab(draws=True).open(plane.url + "?quality=low")
         tab.show()
-        plane.request(Draw({"it": Drawing(**shape, color=MAGENTA, size=0.1)}))
+        plane.request(Draw({"it": drawing}))
         tab.wait_until(lambda: magenta(tab) > 100)
         drawn = magenta_box(tab)
         tab.page.evaluate("() => (autodrive.store.quality.value = 'stream')")
@@ -70,9 +75,9 @@ def test_drawings_are_in_the_images_of_the_simulator(kind: str, plane: PageServe
         # at the same place; a text has other letters, and its image is cut at other edges
         tab.wait_until(lambda: magenta(tab) > 100 and np.abs(magenta_box(tab) - drawn).max() < 12)
         below = tuple((x, y, z - 1.0) for x, y, z in above)
-        plane.request(Draw({"it": Drawing(**shape | {"points": below}, color=MAGENTA, size=0.1)}))
+        plane.request(Draw({"it": replace(drawing, points=below)}))
         tab.wait_until(lambda: magenta(tab) == 0)  # the ground hides it, also in a pause
-        plane.request(Draw({"it": Drawing(**shape, color=MAGENTA, size=0.1)}))
+        plane.request(Draw({"it": drawing}))
         tab.wait_until(lambda: magenta(tab) > 100)
         tab.page.evaluate("() => (autodrive.store.areDrawingsShown.value = false)")
         tab.wait_until(lambda: magenta(tab) == 0)

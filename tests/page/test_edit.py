@@ -54,6 +54,7 @@ def test_a_vehicle_is_dragged_and_turned_and_the_edits_are_undone(plane: PageSer
     drag(editing, at, to)
     editing.wait_until(lambda: plane.simulation.undo_name == "place V1")
     assert plane.vehicle.pose.position[:2] == pytest.approx([0.5, 0.3], abs=0.02)  # a pixel is 4 mm
+    editing.wait_until(lambda: editing.value("store.preview.value") is None)  # then the camera stands
     # the handle is ahead of the vehicle: drag it to the left of its middle
     circle = editing.get("edit-overlay").locator("circle")
     editing.wait_until(lambda: abs(float(circle.get_attribute("cy") or 0) - to[1]) < 20)

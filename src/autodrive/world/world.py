@@ -464,8 +464,9 @@ class World(OneThread):
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
         """Let a script (True) or a person (False) drive; the World itself obeys all commands given to `step`."""
         check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
+        number = self._controls.index(vehicle)
         self._controls.check_obeys(vehicle)
-        self._controls.vehicles[self._controls.index(vehicle)].is_autonomous = bool(is_autonomous)
+        self._controls.vehicles[number].is_autonomous = bool(is_autonomous)
         self._tell(lambda: SetDrivingMode(vehicle, bool(is_autonomous)))
         self._show()
 

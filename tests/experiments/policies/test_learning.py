@@ -157,7 +157,7 @@ def test_the_lessons_of_a_guarded_driver_change_the_actor_only() -> None:
     pupil.begin_with("race")
     before, teacher = pupil.agent, pupil.policy()
     pupil.improve()
-    read, lesson, weight = (jnp.asarray(one[: pupil._count]) for one in pupil._lessons)
+    read, lesson, weight = (jnp.asarray(one[: pupil.lesson_count]) for one in pupil.lessons)
 
     def error(agent: Any) -> float:
         return float(jnp.mean(weight * (jax.vmap(agent.actor)(read) - lesson) ** 2))

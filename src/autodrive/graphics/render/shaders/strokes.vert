@@ -40,7 +40,7 @@ void main() {
   gl_Position = projectionMatrix * vec4(seen.xy + offset, seen.z, 1.0);
   // in front of the ground that it lies on, also for a camera just above it
   vec3 ray = normalize((vec4(seen, 0.0) * viewMatrix).xyz);
-  float lift = half_size / max(abs(ray.z), 0.1) + 0.004;
+  float lift = half_size / max(abs(ray.z), kind == 2.0 ? 0.5 : 0.1) + 0.004;  // a text stands
   vec4 lifted = projectionMatrix * vec4(seen * max(1.0 - lift / length(seen), 0.1), 1.0);
   gl_Position.z = max(lifted.z / lifted.w, -1.0) * gl_Position.w;
   if (seen.z > 0.5 * near) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
