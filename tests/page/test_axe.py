@@ -113,6 +113,16 @@ def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
         tab.get("help-dialog").wait_for(state="hidden")
 
 
+def test_a_key_that_a_closed_dialog_gets_opens_the_help(plane: PageServer, tab: Tab) -> None:
+    """Until the next image the focus may be in a dialog that was closed."""
+    tab.get("help-close").evaluate(
+        "(button) => button.dispatchEvent(new KeyboardEvent('keydown', { key: '?', bubbles: true }))"
+    )
+    tab.get("help-dialog").wait_for(state="visible")
+    tab.page.keyboard.press("?")
+    tab.get("help-dialog").wait_for(state="hidden")
+
+
 def test_keys_zoom_and_turn_the_camera_and_describe_the_scene(plane: PageServer, tab: Tab) -> None:
     plane.request(Pause())
     keyboard = tab.page.keyboard

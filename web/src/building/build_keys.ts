@@ -4,7 +4,7 @@ import type { Store } from '../store'
 import type { Builder } from './builder'
 
 /** Elements that need the keys themselves; on a button, Enter presses it. */
-const FIELDS = 'input:not([type="checkbox"]), select, textarea, dialog, [contenteditable]'
+const FIELDS = 'input:not([type="checkbox"]), select, textarea, dialog[open], [contenteditable]'
 const DRIVING = new Set(['KeyW', 'KeyA', 'KeyS', 'KeyD', 'ArrowUp', 'ArrowDown'])
 
 export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor, stopDriving: () => void): void {

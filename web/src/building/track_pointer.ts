@@ -13,7 +13,7 @@ const REACH = { fine: 14, coarse: 26 }
 const SLACK = 4
 /** Most places of a line that are drawn. */
 const MAX_DRAWN = 400
-const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
+const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 const ARROWS: Record<string, Point> = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }
 
 interface Shape {

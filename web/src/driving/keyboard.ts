@@ -6,7 +6,7 @@ import type { KeyAction } from './keys'
 import { actionOf, FLY_KEYS, keyOf } from './keys'
 
 /** Elements that need the keys themselves; keys do not drive while one has the focus. */
-const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
+const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 
 /** Actions of held keys -> axis and sign of the input. */
 const HELD_ACTIONS = {

@@ -3,7 +3,7 @@ import type { Store } from '../store'
 import type { Editor } from './editor'
 
 /** Elements that need the keys themselves. */
-const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
+const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 /** Step of a key [m], [rad]; with Shift the second. */
 const STEP = [0.05, 0.01] as const
 const TURN = [Math.PI / 12, Math.PI / 180] as const

@@ -90,8 +90,10 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
       'aria-label': 'Keys and controls',
       onclick: (event: MouseEvent) => event.target === element && element.close(), // a click outside the content
       onkeydown: (event: KeyboardEvent) => {
-        if (event.key !== '?' && event.key !== 'F1') return
+        // until the next image, a closed dialog may still have the focus: the key then opens it
+        if (!element.open || (event.key !== '?' && event.key !== 'F1')) return
         event.preventDefault()
+        event.stopPropagation()
         element.close()
       },
     },
