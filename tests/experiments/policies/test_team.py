@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from autodrive.cli.app import app
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PolicyRacers
-from autodrive.run.team import Act, Team, drive, duel_team, learnt_team, show
+from autodrive.run.team import Act, Team, drive, duel_team, learnt_team, program, show
 from tests.support.command_line import refused
 from tests.support.waiting import free_port
 
@@ -35,6 +36,15 @@ def test_the_included_policy_beats_that_for_single_cars_in_a_duel() -> None:
     """In the 200 races that the documentation counts."""
     results = drive(duel_team(Policy.find("head_to_head"), Policy.find("race"), has_noise=True), 200, seed=0)
     assert results.is_success[:, 0].mean() >= 0.6
+    assert results.has_collided.any(axis=1).mean() <= 0.1
+
+
+@pytest.mark.slow
+def test_the_included_policy_beats_follow_the_gap_in_a_duel() -> None:
+    """Likewise."""
+    file = Path(__file__).parents[3] / "examples" / "racing" / "follow_the_gap.py"
+    results = drive(duel_team(Policy.find("head_to_head"), program(file), has_noise=True), 200, seed=0)
+    assert results.is_success[:, 0].mean() >= 0.9
     assert results.has_collided.any(axis=1).mean() <= 0.1
 
 
