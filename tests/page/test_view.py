@@ -242,7 +242,14 @@ def test_the_driven_line_is_drawn_in_the_scene_and_on_the_small_map(mini_map: Pa
     tab.wait_until(lambda: tab.value("store.frame.value.time") == mini_map.frame.time)
     canvas = tab.get("minimap").locator("canvas")
     tab.wait_until(lambda: canvas.evaluate(COLOURS) > 10)  # the drawing of the map is loaded
-    tab.page.evaluate(IMAGES)
+
+    def stands() -> bool:
+        """Whether the next image is the same: the view shows Frames with a delay."""
+        before = tab.pixels()
+        tab.page.evaluate(IMAGES)
+        return bool((tab.pixels() == before).all())
+
+    tab.wait_until(stands)
     calls, blue, scene = tab.value("view.stats().calls"), canvas.evaluate(BLUE), tab.pixels()
     tab.page.evaluate("() => { autodrive.store.areTrailsShown.value = true }")
     tab.wait_until(lambda: tab.value("view.stats().calls") == calls + 1)
