@@ -128,6 +128,7 @@ describe('keys', () => {
   test.each(['input', 'select', 'textarea', 'dialog'])('a key in a %s does not drive', (tag) => {
     const { commands, actions } = page()
     const field = document.body.appendChild(document.createElement(tag))
+    if (tag === 'dialog') field.setAttribute('open', '')
     key('keydown', 'KeyW', {}, field)
     key('keydown', 'KeyG', {}, field)
     expect(commands()).toEqual([])
