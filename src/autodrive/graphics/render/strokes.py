@@ -35,7 +35,7 @@ class Strokes(NamedTuple):
     hidden: NDArray[np.void]
     """What is behind other things is not seen."""
     shown: NDArray[np.void]
-    """Drawn over everything."""
+    """Drawn over everything; its texts do not cover each other."""
 
 
 def dots(points: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
@@ -50,10 +50,34 @@ def lines(begin: Floats, end: Floats, tint: Sequence[float], size: float) -> NDA
 
 def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
     """A text of that height [m] with its middle at a place."""
-    out = _strokes(np.tile(at, (len(text), 1)), np.tile(at, (len(text), 1)), tint, CHARACTER, size)
+    out = _strokes(np.tile(at, (len(text), 1)), np.zeros((len(text), 3)), tint, CHARACTER, size)
     out["shape"][:, 2] = np.arange(len(text)) - 0.5 * (len(text) - 1)
     out["shape"][:, 3] = [ord(letter) for letter in text]
     return out
+
+
+def spread(strokes: NDArray[np.void], seen_from_map: Floats) -> NDArray[np.void]:
+    """The same with each text moved up in the image until it covers none below it; `seen_from_map`: y up, z backward.
+
+    `web/src/scene/strokes.ts` has the same rule.
+    """
+    moved, placed = strokes.copy(), list[Floats]()
+    of_letters, texts, i = np.flatnonzero(strokes["shape"][:, 0] == CHARACTER), list[tuple[Floats, slice]](), 0
+    while i < len(of_letters):
+        first = int(of_letters[i])
+        n = round(1.0 - 2.0 * float(strokes["shape"][first, 2]))  # the first of n letters is at -(n - 1) / 2
+        x, y, z = seen_from_map[:3, :3] @ strokes["begin"][first] + seen_from_map[:3, 3]
+        height = float(strokes["shape"][first, 1])
+        if z < 0.0:
+            texts.append((np.array((x, y, 0.25 * n * height, 0.5 * height)) / -z, slice(first, first + n)))
+        i += n
+    for box, own in sorted(texts, key=lambda text: float(text[0][1])):
+        low = box[1]
+        while hit := [one for one in placed if np.all(np.abs(one - box)[:2] < (one + box)[2:] - 1e-9)]:
+            box[1] = hit[0][1] + hit[0][3] + box[3]
+        moved["end"][own, 1] = 0.5 * (box[1] - low) / box[3]
+        placed.append(box)
+    return moved
 
 
 def _strokes(begin: Floats, end: Floats, tint: Sequence[float], kind: int, size: float) -> NDArray[np.void]:
@@ -93,7 +117,7 @@ class StrokePass:
         context.fbo.depth_mask = False
         self._draw(strokes.hidden)
         context.disable(moderngl.DEPTH_TEST)
-        self._draw(strokes.shown)
+        self._draw(spread(strokes.shown, np.linalg.inv(eye)))
         context.fbo.depth_mask = True
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)

@@ -53,8 +53,8 @@ float sunlit() {
 float openness() {
     float open = 1.0;
     for (int i = 0; i < CASTERS; i++) {
-        vec4 other = caster_place[casters[i]];
-        open *= caster_tile[casters[i]].w > 0.0 ? open_beside(other, place.xy - other.xy) : 1.0;
+        vec4 other = caster_place[casters[i]], tile = caster_tile[casters[i]];
+        open *= tile.w > 0.0 ? open_beside(other, tile.zw, place.xy - other.xy) : 1.0;
     }
     return open;
 }
