@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -238,6 +239,27 @@ def test_each_vehicle_dims_the_ground_around_its_own_outline(quality: str, n_lon
     assert max(shade) < 0.9
     # the camera has pixels of 9 mm on the floor, over which the shade changes by a fifth
     assert max(shade) - min(shade) < 0.2
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_people_see_a_dark_vehicle_at_night_and_sensors_see_no_more_than_there_is(quality: str) -> None:
+    """The outline of a black car is brighter than the road for people only, and only at night."""
+    black = thing("car", box((0.08, 0.0, 0.05), (0.26, 0.14, 0.08), BLACK, Label.VEHICLE))
+    world = RenderScene(Asset("static", (FLOOR,)), [black], (), [lights()])
+    sensor = view(-1.0, 0.0, 0.3, pitch_deg=15.0)
+    people = replace(sensor, outline=1.0)
+    with Renderer(world, quality) as renderer:
+        for is_day in (True, False):
+            state = render_state(1, is_day=is_day)
+            own, bright = (shown(renderer, state, one) for one in (sensor, people))
+            labels = renderer.draw(state, [sensor], labels=True)[0].labels
+            assert labels is not None
+            car = labels == Label.VEHICLE
+            assert np.array_equal(own[:, :60], bright[:, :60])  # beside the car
+            if is_day:
+                assert np.array_equal(own, bright)
+    assert bright[car].mean() > own[car].mean() + 10.0
+    assert bright[car].mean() > 1.5 * bright[200, 20:60].mean()  # of the road beside it
 
 
 @pytest.mark.parametrize("quality", QUALITIES)

@@ -180,9 +180,11 @@ vec3 reflected(Finish f, bool is_glossy, vec3 n, vec3 v, vec3 l) {
 
 // Light that arrives at the camera, with what the surface emits and what its water mirrors.
 vec3 in_air(vec3 light) {
-  vec3 emission = own_emission;
-#if defined(WET) && !defined(SKINNED)
-  light += glint(normalize(facing), normalize(cameraPosition - place));
+  vec3 emission = own_emission, n = normalize(facing), v = normalize(cameraPosition - place);
+#ifdef SKINNED
+  if (is_day == 0) light += outlined(own_color, n, v);
+#elif defined(WET)
+  light += glint(n, v);
 #endif
 #ifdef AIR
   float share = exp(-exposure.z * distance(cameraPosition, place));

@@ -23,6 +23,7 @@ import VERTEX from '../../../src/autodrive/graphics/render/shaders/strokes.vert?
 
 /** Columns and rows of the image with the characters, as in the shader, and size of one [pixels]; characters beyond them are squares. */
 const [COLUMNS, ROWS, WIDTH, HEIGHT] = [32, 16, 32, 64]
+const OUTLINE = 10
 const [POINT, LINE, CHARACTER] = [0, 1, 2]
 const NO_CHARACTER = '\u25a1'
 
@@ -188,6 +189,10 @@ class Characters {
       this.context.textAlign = 'center'
       this.context.textBaseline = 'middle'
       this.context.fillStyle = '#fff'
+      // a dark outline: texts are also read before a bright sky, and on snow
+      this.context.lineJoin = 'round'
+      this.context.lineWidth = OUTLINE
+      this.context.strokeText(letter, x + WIDTH / 2, y + HEIGHT / 2, WIDTH)
       this.context.fillText(letter, x + WIDTH / 2, y + HEIGHT / 2, WIDTH)
       this.context.restore()
     }

@@ -25,6 +25,7 @@ from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
+from autodrive.protocol.labels import Label
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -188,7 +189,7 @@ class Renderer:
         for number, (target, view, clip) in enumerate(zip(targets, views, clips, strict=True)):
             target.begin()
             self._use_behind(number, view)
-            self._write_camera(clip, view.position)
+            self._write_camera(clip, view.position, view.outline)
             self._draw_colors(view, clip, state.look, state.time, state.is_day)
             if strokes is not None:
                 self._stroke_pass().draw(strokes, view)
@@ -397,8 +398,8 @@ class Renderer:
         self._write_camera(clip, view.position)
         return clip
 
-    def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
-        self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
+    def _write_camera(self, clip: Floats, eye: Vector | Floats, outline: float = 0.0) -> None:
+        self._camera.write(columns(clip) + np.array([*eye, outline], np.float32).tobytes())
 
     def _seen(self, clip: Floats, view: View) -> list[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
@@ -493,14 +494,20 @@ class Renderer:
             "STILL": variant.is_shaded,
         }
         definitions = {name: 1 for name, is_set in flags.items() if is_set} | dict.fromkeys(variant.weather, 1)
-        definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
+        definitions |= {
+            "VEHICLE": int(Label.VEHICLE),
+            "CASTERS": variant.casters,
+            "BEAMS": variant.beams,
+            "LAMPS": variant.lamps,
+        }
         definitions["TAPS"] = self.quality.taps
         texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
         return self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
-        program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
+        definitions |= joints
+        program = self._context.program(source(vertex, **definitions), source(fragment, **definitions))
         for name, binding in (("Frame", 0), ("Camera", 1)):
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):

@@ -25,6 +25,8 @@ STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("sh
 POINT, LINE, CHARACTER = 0, 1, 2
 COLUMNS, ROWS, WIDTH, HEIGHT = 32, 16, 32, 64
 """Of the image with the characters, and of one [pixels]."""
+OUTLINE = 10
+"""Of each character, against a bright ground [pixels]."""
 NO_CHARACTER = "□"
 """In the place of characters for which the image has no room."""
 
@@ -61,8 +63,10 @@ def spread(strokes: NDArray[np.void], seen_from_map: Floats) -> NDArray[np.void]
 
     `web/src/scene/strokes.ts` has the same rule.
     """
-    moved, placed = strokes.copy(), list[Floats]()
-    of_letters, texts, i = np.flatnonzero(strokes["shape"][:, 0] == CHARACTER), list[tuple[Floats, slice]](), 0
+    moved, i = strokes.copy(), 0
+    of_letters = np.flatnonzero(strokes["shape"][:, 0] == CHARACTER)
+    texts: list[tuple[Floats, slice]] = []
+    placed: list[Floats] = []
     while i < len(of_letters):
         first = int(of_letters[i])
         n = round(1.0 - 2.0 * float(strokes["shape"][first, 2]))  # the first of n letters is at -(n - 1) / 2
@@ -151,7 +155,8 @@ class StrokePass:
         for letter in new:
             self._numbers[letter] = len(self._numbers)
         font = f'font-size="{0.8 * HEIGHT}" font-family="DejaVu Sans Mono, monospace" font-weight="600"'
-        style = f'{font} text-anchor="middle" dominant-baseline="central" fill="#fff"'
+        outline = f'stroke="#000" stroke-width="{OUTLINE}" stroke-linejoin="round" paint-order="stroke"'
+        style = f'{font} text-anchor="middle" dominant-baseline="central" fill="#fff" {outline}'
         texts = "".join(
             f'<text x="{WIDTH * (number % COLUMNS + 0.5)}" y="{HEIGHT * (number // COLUMNS + 0.5)}">'
             f"{escape(letter)}</text>"

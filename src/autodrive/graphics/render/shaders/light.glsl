@@ -24,6 +24,12 @@ float open_beside(vec4 other, vec2 size, vec2 d) {
     return 1.0 - 0.75 * exp(-far * 700.0);
 }
 
+// Light of a vehicle at night, most at its outlines, by which people find it: no sensor sees it.
+vec3 outlined(vec3 color, vec3 n, vec3 v) {
+    float x = 1.0 - abs(dot(n, v));
+    return zenith.rgb * (0.8 * sqrt(color) + 0.5 * x * x);
+}
+
 // Light from the direction l that goes to v: a matt surface, and one with gloss.
 vec3 matt(Finish f, vec3 n, vec3 l) {
     return f.diffuse * (clamp(dot(n, l), 0.0, 1.0) * 0.31831);

@@ -91,8 +91,13 @@ void main() {
 #ifdef GROUND
     color = mix(color, PAINT, own.r);
 #endif
-#if !defined(JOINTED) && (defined(WET) || defined(SNOW))
-    color = weathered(color, n);
+#ifdef JOINTED
+    bool is_still = own_finish.w != float(VEHICLE);  // vehicles are dry, and no snow lies on them
+#else
+    const bool is_still = true;
+#endif
+#if defined(WET) || defined(SNOW)
+    if (is_still) color = weathered(color, n);
 #endif
     float roughness = own_finish.x, metallic = own_finish.y;
     Finish f;
@@ -142,9 +147,12 @@ void main() {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
         light += lamp_reflected(f, n, v, l) * arriving;
     }
+#if defined(JOINTED) && !defined(SUNLIT)
+    if (!is_still && eye.w > 0.0) light += outlined(own_color, n, v) * eye.w;
+#endif
     vec3 emission = own_emission;
-#if defined(WET) && !defined(JOINTED)
-    light += glint(n, v) * open;
+#ifdef WET
+    if (is_still) light += glint(n, v) * open;
 #endif
 #ifdef AIR
     float share = exp(-exposure.z * distance(eye.xyz, place));  // the rest is light of the horizon
