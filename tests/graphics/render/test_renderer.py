@@ -249,7 +249,7 @@ def test_people_see_a_dark_vehicle_at_night_and_sensors_see_no_more_than_there_i
     floor = node("floor", ground(-6, -6, 6, 6, road), casts=False)
     world = RenderScene(Asset("static", (floor,)), [dark], (), [lights()])
     sensor = view(-1.0, 0.0, 0.3, pitch_deg=15.0)
-    people = replace(sensor, outline=1.0)
+    people = replace(sensor, is_outlined=True)
     with Renderer(world, quality) as renderer:
         for is_day in (True, False):
             state = render_state(1, is_day=is_day)

@@ -189,7 +189,7 @@ class Renderer:
         for number, (target, view, clip) in enumerate(zip(targets, views, clips, strict=True)):
             target.begin()
             self._use_behind(number, view)
-            self._write_camera(clip, view.position, view.outline)
+            self._write_camera(clip, view.position)
             self._draw_colors(view, clip, state.look, state.time, state.is_day)
             if strokes is not None:
                 self._stroke_pass().draw(strokes, view)
@@ -269,14 +269,17 @@ class Renderer:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
     def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
-        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects)
+        outlines = ("OUTLINED",) if view.is_outlined and not is_day else ()
+        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects, of_vehicles=outlines)
         if self._is_sky_coarse(view):
             self._draw_coarse_sky(clip, look, view)
         else:
             self._draw_sky(clip, look)
         self._draw_air(clip, look.air, time, view)
 
-    def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
+    def _draw_calls(
+        self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...], of_vehicles: tuple[str, ...] = ()
+    ) -> None:
         """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
         textured = next((i for i, (_, piece, *_) in enumerate(calls) if piece[3]), 0)
         order = [*calls[textured : textured + 1], *calls[:textured], *calls[textured + 1 :]]
@@ -285,7 +288,7 @@ class Renderer:
             first, count, kind, textures = piece
             counts = len(lit.casters), len(lit.beams), len(lit.lamps)
             looks = bones is not None, kind, bool(textures), is_day, lit.is_shaded
-            variant = ShaderVariant(*looks, *counts, weather)
+            variant = ShaderVariant(*looks, *counts, weather if bones is None else weather + of_vehicles)
             program = self._program(variant)
             if (variant, textures, lit) != used:
                 used = variant, textures, lit
@@ -398,8 +401,8 @@ class Renderer:
         self._write_camera(clip, view.position)
         return clip
 
-    def _write_camera(self, clip: Floats, eye: Vector | Floats, outline: float = 0.0) -> None:
-        self._camera.write(columns(clip) + np.array([*eye, outline], np.float32).tobytes())
+    def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
+        self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
 
     def _seen(self, clip: Floats, view: View) -> list[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""

@@ -27,8 +27,8 @@ class View:
     """Near clipping distance [m]."""
     far: float = 1000.0
     """Far clipping distance [m]."""
-    outline: float = 0.0
-    """Brightness of the outlines of vehicles at night, for people: 0 in the images of sensors."""
+    is_outlined: bool = False
+    """Whether vehicles have faint outlines at night, for people: not in the images of sensors."""
 
 
 @dataclass(frozen=True)

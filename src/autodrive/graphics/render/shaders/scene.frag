@@ -1,5 +1,6 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss. QUICK: lamps cause no gloss.
+// OUTLINED: vehicles have outlines. FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss.
+// QUICK: lamps cause no gloss.
 // STILL: shadows of static meshes reach this draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows (of the ground:
 // see ground_shade.frag), headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
@@ -147,8 +148,8 @@ void main() {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
         light += lamp_reflected(f, n, v, l) * arriving;
     }
-#if defined(JOINTED) && !defined(SUNLIT)
-    if (!is_still && eye.w > 0.0) light += outlined(own_color, n, v) * eye.w;
+#ifdef OUTLINED
+    if (!is_still) light += outlined(own_color, n, v);
 #endif
     vec3 emission = own_emission;
 #ifdef WET
