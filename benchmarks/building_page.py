@@ -35,7 +35,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from autodrive.base.cache import PACKAGE
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
-from autodrive.protocol.messages import EditMap, EditTrack, Operation, TrackLine
+from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Operation, TrackLine
 from autodrive.world.factory import new_world
 from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
@@ -170,6 +170,7 @@ def kind_of(event: dict[str, Any]) -> str:
 def edit_map(modules: int, edits: int, *, every: float, is_running: bool) -> None:
     parts = town(modules)
     name, last = [*parts.items()][-1]
+    assert isinstance(last, MapModule)
     times: dict[str, list[float]] = {}
     with opened(EditMap({**parts}), draws=True, is_running=is_running) as (_, page):
         page.evaluate("([x, y]) => autodrive.view.lookAt(x, y)", [last.x, last.y])

@@ -428,7 +428,7 @@ class View implements SceneView {
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
-    if (![matrixWorld, projectionMatrix].every((one, i) => one.equals(this.drawnFrom[i]))) return true
+    if (![matrixWorld, projectionMatrix].every((one, i) => isSame(one, this.drawnFrom[i]))) return true
     const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
     return now < this.movedAt + SETTLING && now >= this.drawnAt + pause
   }
@@ -483,6 +483,11 @@ class View implements SceneView {
     if (verdict === 'too-slow') this.useRemoteView(TOO_SLOW)
     else if (verdict === 'change') this.setQuality()
   }
+}
+
+/** Whether two cameras draw the same image: the controls of the camera compute it again each time, with rounding. */
+function isSame(a: Matrix4, b: Matrix4): boolean {
+  return a.elements.every((value, i) => Math.abs(value - b.elements[i]) < 1e-9)
 }
 
 const point = new Vector3()
