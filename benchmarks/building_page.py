@@ -32,7 +32,7 @@ from typing import Any
 from building import town
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from autodrive.base.cache import PACKAGE
+import autodrive
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Operation, TrackLine
@@ -42,6 +42,7 @@ from autodrive.world.simulation import Simulation
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
+PAGE = Path(autodrive.__file__).parent / "page"
 SIZE = (1280, 720)
 START = """
 localStorage.setItem('autodrive.first-steps', 'seen')
@@ -76,7 +77,7 @@ def opened(operation: Operation, *, draws: bool, is_running: bool) -> Iterator[t
     found = next(filter(None, map(shutil.which, BROWSERS)))
     with (
         simulation,
-        Server(served, PageOptions(port=0), page=PACKAGE / "page") as server,
+        Server(served, PageOptions(port=0), page=PAGE) as server,
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=found, args=list(FLAGS)) as browser,
     ):
