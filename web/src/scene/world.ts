@@ -148,8 +148,7 @@ export class World {
       .sort((a, b) => a.distanceTo(cameraPosition) - b.distanceTo(cameraPosition))
       .slice(0, CASTER_SLOTS)
     for (const [slot, model] of casters.entries()) {
-      model.footprint(this.places.caster_place.value, 4 * slot)
-      this.shadows.uniforms.caster_tile.value.set([model.half.x, model.half.y], 4 * slot + 2)
+      model.footprint(this.places.caster_place.value, this.shadows.uniforms.caster_tile.value, 4 * slot)
     }
     this.light.caster_count.value = casters.length
     if (this.light.is_day.value === 1) {
