@@ -61,7 +61,7 @@ def test_a_duct_is_drawn_where_a_vehicle_hits_it() -> None:
         for surface in node.surfaces["full"]:
             points = surface.positions.astype(np.float64)
             is_face = (points[:, 2] < half + 1e-6) & (surface.normals[:, 2] < 0.1)
-            away = shapely.distance(faces, shapely.points(points[is_face, :2]))
+            away = np.array(shapely.distance(faces, shapely.points(points[is_face, :2])))
             below += away[away < half].tolist()  # the other points belong to the backs
     assert len(below) > 1000
     assert max(below) < 0.006

@@ -58,7 +58,7 @@ def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArra
     return out
 
 
-def spread(strokes: NDArray[np.void], seen_from_map: Floats) -> NDArray[np.void]:
+def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating]) -> NDArray[np.void]:
     """The same with each text moved up in the image until it covers none below it; `seen_from_map`: y up, z backward.
 
     `web/src/scene/strokes.ts` has the same rule.
