@@ -284,7 +284,8 @@ def test_the_beginning_of_a_pace_counts_as_much_as_a_part_of_a_drive() -> None:
     felt = np.random.default_rng(3).uniform(-4.0, 4.0, (300, 4, len(example["INPUTS"])))
     pace = example["pace"](network, felt, 7.0)
     value, weight = pace.evidence(felt[::2].reshape(-1, len(example["INPUTS"]))).T  # those that it takes
-    assert weight.mean() * example["START"] / 0.025 == pytest.approx(1.0, rel=1e-3)  # float32; the beginning has the weight 1
+    steps = example["START"] / 0.025
+    assert weight.mean() * steps == pytest.approx(1.0, rel=1e-3)  # float32; the beginning has the weight 1
     expected = np.array(jax.vmap(network)(jax.numpy.asarray(felt[0] * example["SCALE"], jax.numpy.float32)))[:, 0]
     assert value[:4] / weight[:4] == pytest.approx(expected, abs=1e-4)
     assert pace.top_throttle * 22.88 == pytest.approx(7.0)
