@@ -132,6 +132,7 @@ def test_latency_and_arguments_of_the_driver_need_no_other_world(campaign: Make)
     assert len(worlds) == 1
 
 
+@pytest.mark.slow
 def test_what_decides_a_result_is_in_its_key(campaign: Make, tmp_path: Path) -> None:
     small: dict[str, Any] = {"samples": {"method": "sobol", "count": 1}, "seeds": 1}
     run_campaign(campaign(**small), tmp_path / "one", workers=0)

@@ -20,6 +20,7 @@ from tests.support.command_line import refused
 from tests.support.waiting import free_port
 
 
+@pytest.mark.slow
 def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
     """The share that the documentation states over 1,000 episodes, less three standard deviations of 100 episodes."""
     team = learnt_team(Policy.find("crossing"))

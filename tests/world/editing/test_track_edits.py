@@ -206,6 +206,7 @@ def test_a_box_in_the_way_is_named() -> None:
     assert building.track.is_exact
 
 
+@pytest.mark.slow
 def test_a_recording_of_edits_is_simulated_again(tmp_path: Path) -> None:
     building = TrackBuilding()
     path = tmp_path / "run.mcap"
