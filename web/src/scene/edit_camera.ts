@@ -57,8 +57,9 @@ export class EditCamera {
     target.y = y
   }
 
-  /** Looks at an area of the ground around a point, from the south; its width along x [m]. */
+  /** Looks at an area of the ground around a point, from the south; its width along x [m]. Also where the mode starts. */
   showArea(x: number, y: number, width: number): void {
+    this.isOpen = true
     const slope = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(this.camera.aspect, 16 / 9)
     const distance = Math.min(width / (2 * SHARE * slope), 0.95 * FARTHEST)
     const scale = distance / Math.hypot(SOUTH, ABOVE)
