@@ -166,6 +166,7 @@ class Film:
         act()
         self.wait(lambda: self.value(edits) != before)
         self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
+        self.step(10, {})  # the LIDAR sees the new map
         self.wait_for_image()
         self.take(seconds)
 
@@ -181,19 +182,23 @@ class Film:
         self.point(*self.screen(*end), images=5)
         self.edit(self.page.mouse.up, 0.5)
 
+    def step(self, ticks: int, commands: dict[str, Command]) -> None:
+        """Let the simulation go on, until the page has its latest Frame."""
+        self.simulation.request(Step(ticks, commands)).result()
+        tick = self.simulation.frame.tick
+        self.wait(lambda: self.value("store.frame.value.tick") >= tick)
+
     def drive(self, seconds: float, command: Callable[[], Command], speed: float = 1.0) -> None:
         """Let the car drive that long in the film, with commands at 25 Hz."""
         count = round(speed * 100 / RATE / TICKS)
         for _ in range(round(seconds * RATE)):
             for _ in range(count):
-                self.simulation.request(Step(TICKS, {"V1": command()})).result()
-            tick = self.simulation.frame.tick
-            self.wait(lambda tick=tick: self.value("store.frame.value.tick") >= tick)
+                self.step(TICKS, {"V1": command()})
             self.take()
 
 
 def gap_follower(simulation: Simulation) -> Callable[[], Command]:
-    """The race program of the examples, for the car on the small track."""
+    """The race program of the examples."""
     follow = runpy.run_path(str(HERE.parent / "examples" / "racing" / "follow_the_gap.py"))["command"]
 
     def command() -> Command:
@@ -201,8 +206,7 @@ def gap_follower(simulation: Simulation) -> Callable[[], Command]:
         if scan is None:
             return Command()
         angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-        throttle, steering = follow(scan.ranges, np.where(angles > math.pi, angles - 2.0 * math.pi, angles))
-        return Command(min(1.0, 12.0 * throttle), steering)
+        return Command(*follow(scan.ranges, angles))
 
     return command
 
@@ -306,6 +310,9 @@ def town(film: Film) -> None:
 def track(film: Film) -> None:
     """A race track by points, and a car that laps it with its LIDAR."""
     page, simulation = film.page, film.simulation
+    simulation.request(LoadScenario("practice")).result()
+    film.wait(lambda: film.value("store.scene.value.track_scene") is not None)
+    film.wait_for_image()
     film.caption("A race track: drag its points")
     film.click("build-button")
     film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
@@ -328,7 +335,7 @@ def track(film: Film) -> None:
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image()
-    film.drive(10.0, gap_follower(simulation), speed=3.0)
+    film.drive(16.0, gap_follower(simulation))
 
 
 def link(film: Film) -> None:
@@ -343,7 +350,7 @@ def link(film: Film) -> None:
     film.wait(lambda: page.get_by_test_id("map-link").is_visible())
     film.caption("Send the link", 3.0)
     address = page.get_by_test_id("map-link").inner_text()
-    simulation.request(LoadScenario("plane")).result()
+    simulation.request(LoadScenario("practice")).result()
     page.goto("about:blank")
     page.goto(address)
     page.wait_for_function("() => window.autodrive && window.drawFilm", polling=100)
@@ -353,7 +360,7 @@ def link(film: Film) -> None:
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image()
     film.caption("... and drives on your track", 0.2)
-    film.drive(8.0, gap_follower(simulation), speed=3.0)
+    film.drive(9.0, gap_follower(simulation))
     film.caption("Build, in the toolbar of the page")
 
 

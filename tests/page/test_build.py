@@ -319,7 +319,7 @@ def test_a_link_contains_a_town_of_150_modules(plane: PageServer, new_tab: NewTa
 
 def test_a_race_track_is_replaced_by_a_map_of_the_simulator(plane: PageServer, new_tab: NewTab) -> None:
     plane.request(EditTrack(TrackLine(((0.0, -4.0), (6.0, 0.0), (0.0, 4.0), (-6.0, 0.0)))))
-    tab = new_tab().open(plane.url + "?quality=low")
+    tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=low")
     tab.click("build-button")
     tab.wait_until(lambda: tab.value("store.scene.value.track_scene") is not None)
     tab.get("build-template").select_option("oval")

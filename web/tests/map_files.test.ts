@@ -46,11 +46,6 @@ test('a map of 150 modules fits into a link and comes back', async () => {
 test('a map that is too large for a link is saved as a file', async () => {
   const text = [...crypto.getRandomValues(new Uint8Array(MAX_LINK))].join(' ')
   expect(await linkWith(text)).toBeNull()
-  HTMLDialogElement.prototype.showModal = () => {}
-  HTMLDialogElement.prototype.close = function (value?: string) {
-    this.returnValue = value ?? ''
-    this.dispatchEvent(new Event('close'))
-  }
   const { store, builder, userFiles } = page()
   vi.spyOn(builder, 'text').mockResolvedValue(text)
   const get = (id: string) => document.querySelector<HTMLElement>(`[data-testid='${id}']`)
@@ -62,9 +57,8 @@ test('a map that is too large for a link is saved as a file', async () => {
 })
 
 test('the name of a file follows the title until the user changes it', async () => {
-  HTMLDialogElement.prototype.showModal = () => {}
   const { store, builder, userFiles } = page()
-  void saveMap(store, builder, userFiles, () => Promise.resolve(false))
+  const isSaved = saveMap(store, builder, userFiles, () => Promise.resolve(false))
   const [title, name] = ['save-title', 'save-name'].map(
     (id) => document.querySelector(`[data-testid='${id}']`) as HTMLInputElement,
   )
@@ -80,6 +74,8 @@ test('the name of a file follows the title until the user changes it', async () 
   name.value = 'mine'
   enter(title, 'Yours')
   expect(name.value).toBe('mine')
+  document.querySelector<HTMLElement>("[data-testid='save-map-cancel']")?.click()
+  expect(await isSaved).toBe(false)
 })
 
 test('a link that was cut or changed gives nothing', async () => {
