@@ -6,6 +6,7 @@ import base64
 import contextlib
 import gzip
 import json
+import math
 import time
 from http.client import HTTPConnection
 from pathlib import Path
@@ -283,3 +284,19 @@ def test_cpp_draws_into_the_view(build: Path) -> None:
         "goal": Drawing("text", ((1.0, 2.0, 0.5),), "goal", (0.0, 1.0, 0.0, 0.5), 0.06, 2.0),
     }
     assert "drawing 'wrong', a path, needs 2 to 2000 points, not 1" in refused
+
+
+def test_cpp_sets_and_reads_weather_and_time_of_day(build: Path) -> None:
+    simulation = Simulation(autodrive.make("plane"))
+    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+        first, later, refused, last = run(build / "weather", server.port).splitlines()
+    # clouds, fog, rain, snow, wind, wetness, snow cover, seconds since midnight
+    assert [float(word) for word in first.split()] == [0.0, 0.0, 0.6, 0.0, 0.25, 0.0, 0.5, 66600.0]
+    wetness = 1.0 - math.exp(-1.0)  # after 20 s, the time constant
+    # the ground is followed every 0.1 s, in which wetness changes by at most 0.1 / 20
+    assert [float(word) for word in later.split()] == pytest.approx(
+        [0.0, 0.0, 0.6, 0.0, 0.25, wetness, 0.5, 66600.0], abs=0.005
+    )
+    assert "<= 1.0" in refused
+    assert "weather.fog" in refused
+    assert last == "clear"

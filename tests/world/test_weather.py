@@ -80,10 +80,16 @@ def test_a_held_ground_stays_held_when_other_amounts_change() -> None:
         assert dried.wetness < 0.7
 
 
+@pytest.mark.parametrize("time", ["18:30", "18:30:00", 66600, "66600", "66600.0"])
+def test_a_time_of_day_is_seconds_or_hours_and_minutes(time: str | float) -> None:
+    assert scenario(time_of_day=time).time_of_day == 66600.0
+
+
 def test_wrong_weather_is_refused() -> None:
     for wrong, text in (
         ({"weather": "hevy_rain"}, "heavy_rain"),
-        ({"time_of_day": "half past six"}, "18:30"),
+        *(({"time_of_day": text}, "18:30") for text in ("half past six", "24:00", "18:60", "18:30:75", "18.3.0", "-5")),
+        ({"time_of_day": "86400"}, "86400"),
         ({"weather": {"rain": 1.5}}, r"weather\.rain"),
     ):
         with pytest.raises(SpecError, match=text):

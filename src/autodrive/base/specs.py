@@ -30,10 +30,10 @@ Name: TypeAlias = Annotated[str, Field(pattern=r"^[\w .-]*$", max_length=100)]
 
 
 def _seconds(value: Any) -> Any:
-    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds."""
-    if not isinstance(value, str):
+    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds; a number, or its text, is seconds already."""
+    if not isinstance(value, str) or re.fullmatch(r"\d+(\.\d*)?", value):
         return value
-    if not (found := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)) or not int(found[1]) < 24:
+    if not (found := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d))?", value)) or not int(found[1]) < 24:
         raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
     return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
 

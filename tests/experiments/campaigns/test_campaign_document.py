@@ -13,6 +13,7 @@ from autodrive.experiments.campaigns.campaign import Campaign, CampaignSpec
 from autodrive.experiments.campaigns.metrics import METRICS
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.experiments.campaigns.runs import run_campaign
+from autodrive.protocol.weather import PRESETS
 from tests.support.scenes import needs_gl
 
 ROOT = Path(__file__).parents[3]
@@ -42,10 +43,21 @@ def test_the_campaign_in_eight_weathers_has_the_results_of_the_document() -> Non
     full = Campaign.load(ROOT / "examples/campaign/weather.yaml")
     assert len(full) == 64
     runner = Runner(full)
-    for weather, has_detector, collisions in (("sunny", True, 0.0), ("sunny", False, 1.0), ("heavy_snow", True, 1.0)):
-        wanted = {"weather": weather, "time_of_day": "11:00", "driver.has_detector": has_detector}
+
+    def collisions(weather: str, time: str, has_detector: bool) -> float:
+        wanted = {"weather": weather, "time_of_day": time, "driver.has_detector": has_detector}
         run = next(run for run in map(full.run, range(64)) if run.values == wanted)
-        assert runner.run(run).metrics["collisions"] == collisions
+        return runner.run(run).metrics["collisions"]
+
+    assert collisions("sunny", "11:00", has_detector=False) == 1.0
+    page = (ROOT / "docs/weather.md").read_text()
+    (counts,) = re.findall(r"\| sunny \| cloudy .*\n\|[-|]+\n\|(.*)\|\n", page)
+    table = dict(zip(PRESETS, map(int, counts.split("|")), strict=True))
+    assert collisions("heavy_snow", "11:00", has_detector=True) == 1.0
+    assert table["heavy_snow"] == 0
+    # the weather with the finest differences: dusk hides the box, day does not
+    passed = [1.0 - collisions("light_fog", time, has_detector=True) for time in ("7:00", "11:00", "15:00", "19:00")]
+    assert sum(passed) == table["light_fog"]
 
 
 def test_the_campaign_of_the_race_policy_runs() -> None:
