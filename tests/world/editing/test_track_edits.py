@@ -173,6 +173,7 @@ def test_the_text_of_a_track_is_used_and_a_map_follows_a_track() -> None:
     again = building.world.map.track
     assert again is not None
     assert all(np.array_equal(a, b) for a, b in zip(again.walls, first.walls, strict=True))
+    assert "mini_map" in building.track.templates
     building.ask(UseMap("mini_map"))
     assert track_scene(building.world) is None
     building.ask(Undo())
