@@ -79,6 +79,7 @@ describe('the menu', () => {
     expect(get('weather-numbers').textContent).toBe(
       'Grip 0.71, stops in 1.4 times the dry distance, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
+    expect(socket.request).toEqual({ type: 'DescribeWeather' })
     expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')
     expect(get('weather-sunny').getAttribute('aria-pressed')).toBe('false')
     const intensity = get<HTMLInputElement>('weather-intensity')

@@ -25,8 +25,17 @@ from autodrive.protocol.messages import (
     SaveScenario,
     Step,
     UseMap,
+    Weather,
 )
-from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera, ViewSensor
+from autodrive.protocol.native import (
+    ConnectBridge,
+    DescribeWeather,
+    DisconnectBridge,
+    Error,
+    Request,
+    SetCamera,
+    ViewSensor,
+)
 from autodrive.protocol.own_files import ExportMap, ImportTrack, ListFiles, OpenFile, OwnFile, SaveFile
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
@@ -51,6 +60,7 @@ OF_SERVER = (
     DisconnectBridge,
     SetCamera,
     ViewSensor,
+    DescribeWeather,
     StartRecording,
     StopRecording,
     SaveRecording,
@@ -208,6 +218,8 @@ class Requests:
                     self._start(turn, lambda: self._record(operation))
                 case ListFiles() | SaveFile() | ExportMap() as operation:
                     self._start(turn, lambda: asyncio.to_thread(self._file_answer, operation))
+                case DescribeWeather():
+                    self._start(turn, lambda: asyncio.to_thread(self._weather_numbers))
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() | ViewSensor() as view:
@@ -383,6 +395,14 @@ class Requests:
                     return Answer(await asyncio.to_thread(self._recording.stop))
                 case SaveRecording():
                     return Answer(await asyncio.to_thread(self._recording.save))
+
+    def _weather_numbers(self) -> Answer:
+        """Likewise in another thread."""
+        from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  compiles two vehicles
+
+        frame = self._broadcast.latest
+        is_day = None if frame.time_of_day is None else frame.scene_light
+        return Answer(weather_numbers(frame.weather or Weather(), self._simulation.world.map.ground, is_day=is_day))
 
     def _file_answer(self, operation: ListFiles | SaveFile | ExportMap) -> Answer:
         """In another thread: the world that it sees is the present one."""
