@@ -1,15 +1,17 @@
 """Scenarios: contents, and errors of invalid ones."""
 
 import math
+from pathlib import Path
 
 import pytest
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.yaml_files import names
+from autodrive.base.yaml_files import find, names
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.files import read_scenario
+from autodrive.scenario.maps.map import MapSpec, load_map
 
 
 @pytest.mark.parametrize("name", names("scenario"))
@@ -126,3 +128,24 @@ def test_teleport_into_a_box_is_refused_and_nothing_moves() -> None:
     assert world.step().vehicles["V1"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
     world.teleport("V1", 2.0, 0.0)
     assert world.frame.vehicles["V1"].pose.position == pytest.approx([2.0, 0.0, 0.0325])
+
+
+def test_paths_of_a_scenario_start_at_its_folder_whatever_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if the working directory has a file of that name; one that is not in the folder is looked for there."""
+    project, elsewhere = tmp_path / "project", tmp_path / "elsewhere"
+    for folder, title in ((project, "mine"), (elsewhere, "another")):
+        folder.mkdir()
+        (folder / "map.yaml").write_text(
+            f"{{title: {title}, placements: [{{module: straight_road, x: 0.0, y: 0.15, open: [west, east]}}]}}"
+        )
+    (project / "car.yaml").write_bytes(find("vehicle", "nigel").read_bytes())
+    (elsewhere / "other.yaml").write_bytes(find("vehicle", "roboracer").read_bytes())
+    file = project / "scenario.yaml"
+    file.write_text("{map: map.yaml, vehicles: {V1: {type: car.yaml}, V2: {type: other.yaml, x: 0.5}}}")
+    monkeypatch.chdir(elsewhere)
+    for read in (read_scenario(file), read_scenario(load_scenario(file))):
+        assert isinstance(read.specs.map.found, MapSpec)
+        assert read.specs.map.found.title == "mine"
+        assert [Path(one.path).resolve().parent for one in read.specs.vehicles.values()] == [project, elsewhere]

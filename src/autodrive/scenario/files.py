@@ -22,7 +22,7 @@ from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
-from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, is_track, with_modules, with_paths_of
+from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, is_track, with_files, with_paths_of
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -140,7 +140,7 @@ def check_names(scenario: ScenarioSpec, known: Specs) -> None:
             errors.append(f"{kind} '{name}' is not of the simulator. {suggest(name, names)}")
         return name
 
-    _renamed(scenario, check)
+    with_files(scenario, check)
     for name, vehicle in scenario.vehicles.items():
         if {*vehicle.own_sensors.values()} - sensors:
             errors.append(f"vehicles.{name}.own_sensors: sensors are Python files; start the simulator with this file")
@@ -178,7 +178,7 @@ def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> 
         path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True) if tree else text, encoding="utf-8")
     if scenario.race is None and "ruleset/practice" in files:
         scenario = scenario.model_copy(update={"race": RaceSpec()})
-    return _renamed(scenario, path_of)
+    return with_files(scenario, path_of)
 
 
 def map_text(spec: MapSpec | TrackSpec) -> str:
@@ -188,7 +188,7 @@ def map_text(spec: MapSpec | TrackSpec) -> str:
 
 def scenario_text(spec: ScenarioSpec) -> str:
     """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
-    spec = _renamed(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
+    spec = with_files(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
     vehicles = {
         name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
         for name, one in spec.vehicles.items()
@@ -273,24 +273,3 @@ def _files(specs: Specs) -> dict[str, Described[Any]]:
     found |= {f"ruleset/{race.rules}": specs.rules} if specs.rules else {}
     found |= {f"track/{race.track}": specs.track} if specs.track else {}
     return found | {f"module/{name}": specs.map.modules[name] for name in sorted(specs.map.modules)}
-
-
-def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> ScenarioSpec:
-    """The scenario with other names of its files, given kind and name."""
-    race = scenario.race
-    vehicles = {
-        name: one.model_copy(update={"type": there("vehicle", one.type)}) for name, one in scenario.vehicles.items()
-    }
-    if race is not None:
-        names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
-        race = race.model_copy(update=names)
-    traffic = scenario.traffic
-    if traffic.cars:
-        traffic = traffic.model_copy(update={"type": there("vehicle", traffic.type)})
-    scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race, "traffic": traffic})
-    if isinstance(scenario.map, str):
-        return scenario.model_copy(update={"map": there("map", scenario.map)})
-    if isinstance(scenario.map, TrackSpec):
-        return scenario
-    own_map = with_modules(scenario.map, lambda name: there("module", name))
-    return scenario.model_copy(update={"map": own_map})

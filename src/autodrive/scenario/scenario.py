@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -289,7 +290,17 @@ def load_scenario(name: str | Path) -> ScenarioSpec:
 
 
 def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
-    """The scenario with absolute paths of own sensors and of modules of its own map, which start at that folder."""
+    """The scenario of a file in that folder, with absolute paths of the files that it names.
+
+    Paths start at the folder; that of a map, vehicle, track or ruleset that is not there, at the working directory.
+    """
+
+    def there(kind: str, name: str) -> str:
+        path = os.path.join(folder.absolute(), name)
+        is_there = kind == "module" or (os.path.isfile(path) and path != os.path.abspath(name))
+        return path if Path(name).suffix in YAML and is_there else name
+
+    spec = with_files(spec, there)
     vehicles = {
         name: one.model_copy(
             update={"own_sensors": {key: str(folder.absolute() / path) for key, path in one.own_sensors.items()}}
@@ -297,10 +308,27 @@ def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
         for name, one in spec.vehicles.items()
         if one.own_sensors
     }
-    spec = spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
-    if not isinstance(spec.map, MapSpec):
-        return spec
-    return spec.model_copy(update={"map": with_modules_at(spec.map, folder)})
+    return spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
+
+
+def with_files(spec: ScenarioSpec, there: Callable[[str, str], str]) -> ScenarioSpec:
+    """The scenario with other names of its files, given kind and name."""
+    race = spec.race
+    vehicles = {
+        name: one.model_copy(update={"type": there("vehicle", one.type)}) for name, one in spec.vehicles.items()
+    }
+    if race is not None:
+        names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
+        race = race.model_copy(update=names)
+    traffic = spec.traffic
+    if traffic.cars:
+        traffic = traffic.model_copy(update={"type": there("vehicle", traffic.type)})
+    map_ = spec.map
+    if isinstance(map_, str):
+        map_ = there("map", map_)
+    elif isinstance(map_, MapSpec):
+        map_ = with_modules(map_, lambda name: there("module", name))
+    return spec.model_copy(update={"vehicles": vehicles, "race": race, "traffic": traffic, "map": map_})
 
 
 def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:

@@ -4,7 +4,7 @@ import type { Point } from '../editing/outline'
 import type { ServerOperation, TrackLine, TrackScene } from '../messages'
 import { Observable } from '../observable'
 import type { Store } from '../store'
-import { insertedAt, MAX_POINTS, MIN_POINTS, POINT_GAP, smoothLine } from './track_line'
+import { insertedAt, MAX_POINTS, MIN_POINTS, POINT_GAP, shapeOf } from './track_line'
 
 /** The half axes of a new track [m]. */
 const [LENGTH, HEIGHT] = [11, 7]
@@ -87,7 +87,7 @@ export class TrackBuilder {
     const { line } = this
     if (!line) return Promise.resolve(false)
     if (line.points.length >= MAX_POINTS) return this.refuse(`A track has at most ${MAX_POINTS} points.`)
-    const { index } = insertedAt(smoothLine(line.points), at)
+    const { index } = insertedAt(shapeOf(line).line, at)
     const point: [number, number] = [rounded(at[0]), rounded(at[1])]
     const points = spliced(line.points, index, 0, point)
     const isAdded = this.put({ ...line, points })
@@ -100,7 +100,7 @@ export class TrackBuilder {
     const { line } = this
     const index = Math.max(this.selected.value, 0)
     if (!line) return Promise.resolve(false)
-    const { places, parameters } = smoothLine(line.points)
+    const { places, parameters } = shapeOf(line).line
     const middle = parameters.findIndex((parameter) => parameter >= index + 0.5)
     return this.add(places[middle] ?? places[0])
   }

@@ -1,11 +1,10 @@
 // The race track of Build mode with mouse, touch and keys: its points are dragged, added and removed; draws the line,
 // the edges, the start line and the faults over the scene.
 import { type Point, type Projection, svg } from '../editing/outline'
-import type { TrackLine } from '../messages'
 import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
 import type { TrackBuilder } from './track_builder'
-import { edgesOf, type Fault, faultsOf, insertedAt, type SmoothLine, smoothLine } from './track_line'
+import { insertedAt, shapeOf } from './track_line'
 
 /** Distance within which the pointer hits a point or the line, for a mouse and for a finger [CSS pixels]. */
 const REACH = { fine: 14, coarse: 26 }
@@ -16,13 +15,6 @@ const MAX_DRAWN = 400
 const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 const ARROWS: Record<string, Point> = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }
 
-interface Shape {
-  of: TrackLine
-  line: SmoothLine
-  edges: [Point[], Point[]]
-  faults: Fault[]
-}
-
 /** Handles the pointer on `canvas`; returns what is drawn over it. */
 export function trackPointer(
   store: Store,
@@ -32,17 +24,11 @@ export function trackPointer(
 ): SVGElement {
   const drawing = svg('svg', { class: 'edit-overlay', 'aria-hidden': 'true' })
   drawing.dataset.testid = 'track-overlay'
+  const paths = ['track-edge', 'track-edge', 'track-line', 'track-start'].map((name) => svg('path', { class: name }))
+  const marks = svg('g', {})
+  drawing.append(...paths, marks)
   const project: Projection = (x, y, z) => view()?.screenPoint(x, y, z) ?? null
   let press: { pointer: number; start: Point; index: number; isMoving: boolean } | null = null
-  let shape: Shape | null = null
-
-  /** Line, edges and faults; computed again when the track changes. */
-  function shapeOf(of: TrackLine): Shape {
-    if (shape?.of === of) return shape
-    const line = smoothLine(of.points)
-    shape = { of, line, edges: edgesOf(line.places, of.width), faults: faultsOf(of, line) }
-    return shape
-  }
 
   function reachOf(event: PointerEvent): number {
     return event.pointerType === 'mouse' ? REACH.fine : REACH.coarse
@@ -58,8 +44,8 @@ export function trackPointer(
     return gap <= reach ? gaps.indexOf(gap) : -1
   }
 
-  /** The latest drawing. */
-  let before = ''
+  /** What each element of the drawing shows. */
+  const shown = new Map<SVGElement, string>()
 
   function begin(event: PointerEvent): void {
     if (!builder.isActive || press || event.button !== 0 || !event.isPrimary) return
@@ -126,33 +112,41 @@ export function trackPointer(
     drawing.style.display = builder.isActive ? '' : 'none'
     if (!builder.isActive || !line) return
     const { line: smooth, edges, faults } = shapeOf(line)
-    const parts = edges.map((edge) => path(edge, 'track-edge'))
-    parts.push(path(smooth.places, 'track-line'), start(edges))
-    for (const { kind, at } of faults) {
-      const shown = project(...at, 0)
-      if (shown) parts.push(`<circle class="fault" data-kind="${kind}" cx="${shown[0]}" cy="${shown[1]}" r="14"/>`)
+    const drawn = [...[...edges, smooth.places].map(pathOf), startOf(edges)]
+    for (const [i, path] of paths.entries()) change(path, drawn[i], () => path.setAttribute('d', drawn[i]))
+    const parts: string[] = []
+    for (const { kind, at: place } of faults) {
+      const at = project(...place, 0)
+      if (at) parts.push(`<circle class="fault" data-kind="${kind}" cx="${at[0]}" cy="${at[1]}" r="14"/>`)
     }
     line.points.forEach(([x, y], i) => {
       const at = project(x, y, 0)
       const name = `track-point${i === builder.selected.value ? ' selected' : ''}${i === 0 ? ' first' : ''}`
       if (at) parts.push(`<circle class="${name}" cx="${at[0].toFixed(1)}" cy="${at[1].toFixed(1)}" r="7"/>`)
     })
-    const drawn = parts.join('')
-    if (drawn !== before) drawing.innerHTML = before = drawn
+    const all = parts.join('')
+    change(marks, all, () => (marks.innerHTML = all))
+  }
+
+  /** Changes an element of the drawing if it shows something else. */
+  function change(element: SVGElement, what: string, show: () => void): void {
+    if (shown.get(element) === what) return
+    shown.set(element, what)
+    show()
   }
 
   /** The start line, with an arrow in driving direction. */
-  function start([[right], [left]]: [Point[], Point[]]): string {
+  function startOf([[right], [left]]: [Point[], Point[]]): string {
     const [dx, dy] = [right[1] - left[1], left[0] - right[0]]
     const length = Math.hypot(dx, dy) || 1
     const middle: Point = [0.5 * (right[0] + left[0]), 0.5 * (right[1] + left[1])]
     const tip: Point = [middle[0] - (0.8 * dx) / length, middle[1] - (0.8 * dy) / length]
     const [a, b, c, d] = [right, left, middle, tip].map(([x, y]) => project(x, y, 0))
     if (!a || !b || !c || !d) return ''
-    return `<path class="track-start" d="M${a.join(' ')}L${b.join(' ')}M${c.join(' ')}L${d.join(' ')}"/>`
+    return `M${a.join(' ')}L${b.join(' ')}M${c.join(' ')}L${d.join(' ')}`
   }
 
-  function path(places: readonly Point[], name: string): string {
+  function pathOf(places: readonly Point[]): string {
     const step = Math.ceil(places.length / MAX_DRAWN)
     const shown = places.filter((_, i) => i % step === 0).map(([x, y]) => project(x, y, 0))
     const runs: string[] = []
@@ -162,7 +156,7 @@ export function trackPointer(
       else if (run.length > 1) runs.push(`M${run.join('L')}`)
       if (!at) run = []
     }
-    return `<path class="${name}" d="${runs.join('')}"/>`
+    return runs.join('')
   }
 
   const options = { capture: true } // before the controls of the camera

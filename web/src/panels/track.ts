@@ -1,6 +1,6 @@
 // The race track in the panel of Build mode: a new or a random one, its width and barrier, its points and its faults.
 import type { TrackBuilder } from '../building/track_builder'
-import { faultsOf, faultText, lengthOf, smoothLine } from '../building/track_line'
+import { faultText, shapeOf } from '../building/track_line'
 import type { TrackLine } from '../messages'
 import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
@@ -51,10 +51,7 @@ function shape(store: Store, builder: TrackBuilder, showAll: () => void): HTMLEl
     const index = builder.selected.value
     const own = scene?.is_exact === false ? ' It has walls of its own; a change replaces them.' : ''
     const point = index < 0 ? '' : `Point ${index + 1} of `
-    setText(
-      state,
-      `${point}${line.points.length} points, ${lengthOf(smoothLine(line.points).places).toFixed(1)} m.${own}`,
-    )
+    setText(state, `${point}${line.points.length} points, ${shapeOf(line).length.toFixed(1)} m.${own}`)
     if (document.activeElement !== width) width.value = String(line.width)
     barrier.value = line.barrier
     for (const button of [remove, here]) button.disabled = index < 0
@@ -83,7 +80,7 @@ function faults(store: Store, builder: TrackBuilder, view: () => SceneView | nul
 
   function show(): void {
     const { line } = builder
-    const found = line ? faultsOf(line) : []
+    const found = line ? shapeOf(line).faults : []
     // a hidden heading must not be found as the one of the modules
     const text = found.length > 0 ? `Problems (${found.length})` : 'No problems'
     if (heading) setText(heading, line ? text : '')

@@ -109,6 +109,8 @@ class View implements SceneView {
   private animation = 0
   /** Draws the latest image once more. */
   private draw = (): void => {}
+  /** The canvas on the screen; asking the browser for each point would compute the layout of the page each time. */
+  private place = new DOMRect()
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -141,13 +143,13 @@ class View implements SceneView {
     const at = point.set(x, y, z).applyMatrix4(camera.matrixWorldInverse)
     if (at.z > -camera.near) return null
     at.applyMatrix4(camera.projectionMatrix)
-    const { left, top, width, height } = this.canvas.getBoundingClientRect()
+    const { left, top, width, height } = this.place
     return [left + 0.5 * width * (1 + at.x), top + 0.5 * height * (1 - at.y)]
   }
 
   groundPoint(x: number, y: number): [x: number, y: number] | null {
     const { camera } = this.viewpoints
-    const { left, top, width, height } = this.canvas.getBoundingClientRect()
+    const { left, top, width, height } = this.place
     const to = point.set((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height, 0.5).unproject(camera)
     const eye = camera.position
     const share = eye.z / (eye.z - to.z)
@@ -195,6 +197,7 @@ class View implements SceneView {
 
   resize(): void {
     this.remote.resize()
+    this.place = this.canvas.getBoundingClientRect()
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight]
     if (width === 0 || height === 0) return
     this.viewpoints.camera.aspect = width / height
@@ -425,7 +428,7 @@ class View implements SceneView {
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
-    if (![matrixWorld, projectionMatrix].every((one, i) => one.equals(this.drawnFrom[i]))) return true
+    if (![matrixWorld, projectionMatrix].every((one, i) => isSame(one, this.drawnFrom[i]))) return true
     const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
     return now < this.movedAt + SETTLING && now >= this.drawnAt + pause
   }
@@ -480,6 +483,11 @@ class View implements SceneView {
     if (verdict === 'too-slow') this.useRemoteView(TOO_SLOW)
     else if (verdict === 'change') this.setQuality()
   }
+}
+
+/** Whether two cameras draw the same image: the controls of the camera compute it again each time, with rounding. */
+function isSame(a: Matrix4, b: Matrix4): boolean {
+  return a.elements.every((value, i) => Math.abs(value - b.elements[i]) < 1e-9)
 }
 
 const point = new Vector3()
