@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from threading import Lock
 
 import numpy as np
 
@@ -26,18 +25,17 @@ STANDS = 1e-3
 """Slower than that [m/s]."""
 FAR = 1000.0
 """A longer sight is not told [m]."""
-_batch_lock = Lock()
-"""One thread steps the batches at a time."""
 
 
 def weather_numbers(weather: Weather, ground: GroundSpec, *, is_day: bool | None = None) -> str:
-    """Lines of text; `is_day`: whether there is daylight at the time of day, None: do not tell."""
+    """Lines of text; `is_day`: whether there is daylight at the time of day, None: do not tell.
+
+    One thread at a time: it keeps a batch of each vehicle.
+    """
     lines = [f"ground         wetness {weather.wetness or 0.0:.2f}, snow cover {weather.snow_cover or 0.0:.2f}"]
     for name, speed in BRAKING.items():
-        with _batch_lock:
-            vehicle = _batch(name).compiled.vehicles["V1"]
-            distance = _stopping_distance(name, speed, weather, ground)
-        effects = weather_effects(weather, ground, vehicle)
+        distance = _stopping_distance(name, speed, weather, ground)
+        effects = weather_effects(weather, ground, _batch(name).compiled.vehicles["V1"])
         lines += [
             f"{name:<14} grip {effects.grip:.2f}, stops from {speed:g} m/s in {distance:.3g} m",
             f"{'':<14} LIDAR {effects.lidar_dark:.1f} m at 10 % and {effects.lidar_bright:.1f} m at 80 % reflectivity",
@@ -64,11 +62,10 @@ def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: Gro
         .position[0, 0]
         .copy()
     )
-    ticks = round(AT_ONCE / batch.tick_duration)
-    for _ in range(round(LONGEST / AT_ONCE)):
-        readings = batch.step(np.zeros((1, 1, 2)), ticks)
-        if np.linalg.norm(readings.velocity[0, 0]) < STANDS:
-            break
+    ticks, brake = round(AT_ONCE / batch.tick_duration), np.zeros((1, 1, 2))
+    readings, time = batch.step(brake, ticks), AT_ONCE
+    while np.linalg.norm(readings.velocity[0, 0]) > STANDS and time < LONGEST:
+        readings, time = batch.step(brake, ticks), time + AT_ONCE
     return float(np.linalg.norm(readings.position[0, 0, :2] - before[:2]))
 
 

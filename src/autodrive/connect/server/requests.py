@@ -127,6 +127,7 @@ class Requests:
         self._own_files = served.own_files
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
+        self._weather_lock = asyncio.Lock()
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
@@ -219,7 +220,7 @@ class Requests:
                 case ListFiles() | SaveFile() | ExportMap() as operation:
                     self._start(turn, lambda: asyncio.to_thread(self._file_answer, operation))
                 case DescribeWeather():
-                    self._start(turn, lambda: asyncio.to_thread(self._weather_numbers))
+                    self._start(turn, self._describe_weather)
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() | ViewSensor() as view:
@@ -396,13 +397,13 @@ class Requests:
                 case SaveRecording():
                     return Answer(await asyncio.to_thread(self._recording.save))
 
-    def _weather_numbers(self) -> Answer:
-        """Likewise in another thread."""
-        from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  compiles two vehicles
+    async def _describe_weather(self) -> Answer:
+        from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
 
-        frame = self._broadcast.latest
-        is_day = None if frame.time_of_day is None else frame.scene_light
-        return Answer(weather_numbers(frame.weather or Weather(), self._simulation.world.map.ground, is_day=is_day))
+        async with self._weather_lock:
+            frame, ground = self._broadcast.latest, self._simulation.world.map.ground
+            is_day = None if frame.time_of_day is None else frame.scene_light
+            return Answer(await asyncio.to_thread(weather_numbers, frame.weather or Weather(), ground, is_day=is_day))
 
     def _file_answer(self, operation: ListFiles | SaveFile | ExportMap) -> Answer:
         """In another thread: the world that it sees is the present one."""
