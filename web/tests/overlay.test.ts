@@ -4,6 +4,7 @@ import type { CollisionShapes } from '../src/messages'
 import { scaleFor } from '../src/panels/scales'
 import { ARROW } from '../src/scene/overlay_look'
 import { arrow, outlines } from '../src/scene/overlay_view'
+import { raised } from '../src/scene/strokes'
 
 const TINT = [1, 0, 0, 1]
 
@@ -80,5 +81,14 @@ describe('an arrow', () => {
   test('without forces there is no scale', () => {
     expect(scaleFor(new Float64Array())).toBe(0)
     expect(scaleFor(new Float64Array(3))).toBe(0)
+  })
+})
+
+describe('texts', () => {
+  test('are moved up until none covers another, no further than needed, and the lowest stays', () => {
+    const box = (x: number, y: number) => ({ x, y, wide: 2, high: 1 })
+    expect(raised([box(0, 0), box(10, 0)])).toEqual([0, 0])
+    expect(raised([box(0, 0.5), box(1, 0), box(0, 1)])).toEqual([0.75, 0, 1.5])
+    expect(raised([])).toEqual([])
   })
 })

@@ -5,12 +5,14 @@ import type { Frame, LidarScan } from '../src/messages'
 import { Headlights, TailLights } from '../src/messages'
 import { Observable } from '../src/observable'
 import { flown, flownNearer } from '../src/scene/flight'
+import type { Node, Vector } from '../src/scene/glb'
 import { LAMPS, lampBrightness } from '../src/scene/lamps'
 import { MotionInterpolator } from '../src/scene/motion'
 import { isSoftware, QualityChoice } from '../src/scene/quality'
 import { ScanView } from '../src/scene/scan'
 import { Skeleton } from '../src/scene/skeleton'
 import { TURBO } from '../src/scene/turbo'
+import { VehicleModel } from '../src/scene/vehicle'
 import { heightAfter, ORBIT_DISTANCE, wheelClicks, zoomCamera } from '../src/scene/zoom'
 import { Store } from '../src/store'
 import { frameOf, pose, sceneOf, vehicleOf } from './support'
@@ -338,5 +340,30 @@ describe('the zoom', () => {
     store.camera.value = 'Orbit'
     zoomCamera(store, 1000)
     expect(store.orbit.value?.distance).toBe(ORBIT_DISTANCE[0])
+  })
+})
+
+describe('the shade below vehicles of two sizes', () => {
+  test('has the size and the place of each', () => {
+    const model = (length: number, width: number) => {
+      const corners = [0, 1].flatMap((x) =>
+        [-0.5, 0.5].flatMap((y) => [0, 1].flatMap((z) => [x * length, y * width, z])),
+      )
+      const [positions, normals] = [new Float32Array(corners), new Float32Array(corners.length)]
+      const look = { uvs: null, open: null, color: [1, 1, 1] as Vector, isPaint: false, emission: [0, 0, 0] as Vector }
+      const surface = { positions, normals, indices: new Uint16Array([0, 1, 2]), ...look }
+      const node: Node = {
+        ...{ name: 'body', parent: -1, position: [0, 0, 0], orientation: [0, 0, 0, 1], joint: null, lamp: '' },
+        surfaces: { shadow: [{ ...surface, roughness: 1, metallic: 0, image: -1 }] },
+      }
+      return new VehicleModel({ nodes: [node], images: [], imageNames: [], clouds: -1, strips: null }, [], null)
+    }
+    const [places, tiles] = [new Float32Array(8), new Float32Array(8)]
+    const [long, short] = [model(0.5, 0.3), model(0.25, 0.15)]
+    long.root.makeTranslation(2, 0, 0)
+    for (const [slot, one] of [long, short].entries()) one.footprint(places, tiles, 4 * slot)
+    expect([...places]).toEqual([2.25, 0, 1, 0, 0.125, 0, 1, 0].map((value) => expect.closeTo(value)))
+    const half = [0.25, 0.15, 0.125, 0.075].map((value) => 0.92 * value)
+    expect([...tiles]).toEqual([0, 0, half[0], half[1], 0, 0, half[2], half[3]].map((value) => expect.closeTo(value)))
   })
 })

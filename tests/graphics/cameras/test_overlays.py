@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 import autodrive
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.graphics.cameras.overlays import LOOK, MAX_STROKES, NONE, Marks, Overlays, strokes_of_drawings
-from autodrive.graphics.cameras.scene_camera import check_view
+from autodrive.graphics.cameras.scene_camera import SceneCamera, check_view
 from autodrive.graphics.cameras.viewpoints import drivers_eye
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.graphics.render.strokes import LINE, Strokes, dots, letters, lines
+from autodrive.graphics.render.scene import rigid
+from autodrive.graphics.render.strokes import CHARACTER, LINE, Strokes, dots, letters, lines, spread
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
@@ -169,6 +171,28 @@ def test_axes_are_along_the_vehicle_and_each_sensor_has_its_name(world: World) -
     sensors = shapes_of(world.compiled).sensors["V1"]
     characters = (drawn.shown["shape"][:, 0] != LINE).sum()
     assert characters == len("V1") + sum(map(len, sensors))
+
+
+def test_names_of_axes_do_not_cover_each_other_in_any_view(world: World) -> None:
+    drawn = Overlays().strokes(SetCamera("Orbit", axes=True), world.frame, marks(world), 0.0)
+    assert drawn is not None
+    letter = drawn.shown["shape"][:, 0] == CHARACTER
+    camera, moved = SceneCamera(world.vehicle_specs), 0
+    for elevation, azimuth in itertools.product((0.05, 0.4, 0.8, 1.4), (0.0, 0.3, 1.6, 3.14)):
+        look = SetCamera("Orbit", axes=True, distance=0.8, elevation=elevation, azimuth=azimuth)
+        eye = camera.viewpoint(look, world.frame, 0.0).view(1280, 720)
+        seen_from_map = np.linalg.inv(rigid(eye.position, eye.orientation) @ np.diag([1.0, -1.0, -1.0, 1.0]))
+        put = spread(drawn.shown, seen_from_map)
+        assert np.array_equal(put[~letter], drawn.shown[~letter])
+        x, y, z = (put["begin"][letter] @ seen_from_map[:3, :3].T + seen_from_map[:3, 3]).T
+        size, place, up = put["shape"][letter, 1], put["shape"][letter, 2], put["end"][letter, 1]
+        at = np.column_stack(((x + 0.5 * size * place) / -z, (y + size * up) / -z))
+        half = np.column_stack((0.25 * size / -z, 0.5 * size / -z))
+        gap = np.abs(at[:, None] - at[None]) - (half[:, None] + half[None])
+        is_over = np.all(gap < -1e-5, axis=2) & ~np.eye(len(at), dtype=bool)
+        assert not is_over.any(), (elevation, azimuth)
+        moved += int((up > 0.0).any())
+    assert moved > 0
 
 
 def test_nothing_is_drawn_that_was_not_asked_for(world: World) -> None:

@@ -8,6 +8,7 @@ import shapely
 
 from autodrive.graphics.meshes.track import barrier_nodes
 from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.maps.track_map import barriers
 
 
 @pytest.mark.parametrize("name", ["practice", "fast"])
@@ -47,3 +48,20 @@ def test_the_shadow_of_a_duct_is_nowhere_outside_of_what_is_drawn() -> None:
             for detail in ("reduced", "shadow")
         )
         assert shadow <= drawn
+
+
+def test_a_duct_is_drawn_where_a_vehicle_hits_it() -> None:
+    """Up to half its height, which no bumper exceeds, what is drawn is at most 6 mm inside of the solid pieces."""
+    map_ = load_map("practice")
+    assert map_.track is not None
+    half = 0.5 * map_.track.barrier.height
+    faces = shapely.MultiLineString([barrier.points for barrier in barriers(map_.track)])
+    below = [0.0]
+    for node in barrier_nodes(map_.track):
+        for surface in node.surfaces["full"]:
+            points = surface.positions.astype(np.float64)
+            is_face = (points[:, 2] < half + 1e-6) & (surface.normals[:, 2] < 0.1)
+            away = np.array(shapely.distance(faces, shapely.points(points[is_face, :2])))
+            below += away[away < half].tolist()  # the other points belong to the backs
+    assert len(below) > 1000
+    assert max(below) < 0.006

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics
 from tests.support.scenes import (
     BLACK,
+    CAR,
     GREY,
     WHITE,
     box,
@@ -213,6 +215,53 @@ def test_a_vehicle_darkens_the_road_beside_it_and_not_the_wall_above_it(quality:
         assert beside[row(height), 160] == pytest.approx(alone[row(height), 160], rel=0.03)
     road = int(120 + look.intrinsics.fy * 0.25 / 1.42)  # 1 cm before the car
     assert beside[road, 160] < 0.8 * alone[road, 160]
+
+
+@pytest.mark.parametrize("n_long", [0, 1])
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_each_vehicle_dims_the_ground_around_its_own_outline(quality: str, n_long: int) -> None:
+    """Cars of different sizes: the ground 2 cm beside the middle of each is as dark, whichever comes first."""
+    long = thing("long", box((0.08, 0.0, 0.05), (0.52, 0.28, 0.08), GREY, Label.VEHICLE))
+    models = [long, CAR] if n_long == 0 else [CAR, long]
+    world = RenderScene(Asset("static", (FLOOR,)), models, (), [lights()] * 2)
+    state = render_state(2, is_day=False)
+    state.vehicles["position"][:, 0] = -0.08
+    state.vehicles["position"][:, 1] = 0.6, -0.6
+    with Renderer(world, quality) as renderer:
+        seen = shown(renderer, state, DOWN)
+    bare = on_floor(seen, 1.0, 0.0)
+    half = (0.14, 0.07) if n_long == 0 else (0.07, 0.14)
+    shade = [
+        on_floor(seen, 0.0, y + side * (own + 0.02)) / bare
+        for y, own in zip((0.6, -0.6), half, strict=True)
+        for side in (-1, 1)
+    ]
+    assert max(shade) < 0.9
+    # the camera has pixels of 9 mm on the floor, over which the shade changes by a fifth
+    assert max(shade) - min(shade) < 0.2
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_people_see_a_dark_vehicle_at_night_and_sensors_see_no_more_than_there_is(quality: str) -> None:
+    """A car as dark as the road is brighter than the road for people only, and only at night."""
+    blue, road = Material("blue", (0.01, 0.02, 0.08)), Material("road", (0.03, 0.03, 0.03), roughness=0.9)
+    dark = thing("car", box((0.08, 0.0, 0.05), (0.26, 0.14, 0.08), blue, Label.VEHICLE))
+    floor = node("floor", ground(-6, -6, 6, 6, road), casts=False)
+    world = RenderScene(Asset("static", (floor,)), [dark], (), [lights()])
+    sensor = view(-1.0, 0.0, 0.3, pitch_deg=15.0)
+    people = replace(sensor, is_outlined=True)
+    with Renderer(world, quality) as renderer:
+        for is_day in (True, False):
+            state = render_state(1, is_day=is_day)
+            own, bright = (shown(renderer, state, one) for one in (sensor, people))
+            labels = renderer.draw(state, [sensor], labels=True)[0].labels
+            assert labels is not None
+            car = labels == Label.VEHICLE
+            assert np.array_equal(own[:, :60], bright[:, :60])  # beside the car
+            if is_day:
+                assert np.array_equal(own, bright)
+    assert own[car].mean() < 1.3 * own[200, 20:60].mean()  # of the road beside it
+    assert bright[car].mean() > 1.5 * own[200, 20:60].mean()
 
 
 @pytest.mark.parametrize("quality", QUALITIES)

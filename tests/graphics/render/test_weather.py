@@ -90,6 +90,24 @@ def test_wet_ground_is_darker_near_by_and_snow_whitens_level_surfaces_only(rende
     assert ((white[wall] - dry[wall]).max(axis=1) > 3.0).mean() < 0.1
 
 
+def test_no_snow_lies_on_vehicles_and_they_are_not_wet(renderer: Renderer) -> None:
+    """The patches of snow are those of the ground: on a vehicle that drives, they would move. The page has the same."""
+
+    def car(**ground: float) -> np.ndarray:
+        state = in_weather(Weather(clouds=1.0, **ground))
+        state.vehicles["position"][0] = 0.8, 0.0, 0.0
+        look = view(0.0, 0.0, 0.6, pitch_deg=35.0)
+        seen = renderer.draw(state, [look], labels=True)[0]
+        assert seen.labels is not None
+        inside = seen.labels == Label.VEHICLE
+        assert inside.sum() > 1000
+        return seen.rgba[inside][:, :3].astype(np.float64)
+
+    dry = car(wetness=0.0)
+    assert np.array_equal(car(wetness=1.0), dry)
+    assert (car(snow_cover=1.0).mean(axis=1) > dry.mean(axis=1) + 3.0).mean() < 0.1  # edges, as above
+
+
 def test_patches_of_snow_do_not_sparkle_far_away() -> None:
     """A pixel that covers many patches has their mean, as that of an image with 64 samples for each pixel."""
     open_ground = Renderer(scene(node("floor", ground(-300, -300, 300, 300)), vehicles=1), "software")

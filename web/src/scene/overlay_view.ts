@@ -1,5 +1,5 @@
 // Overlays of the scene: collision shapes, contact forces as arrows, and the axes of vehicles and sensors.
-import { Group, Matrix4, Quaternion, Vector3 } from 'three'
+import { type Camera, Group, Matrix4, Quaternion, Vector3 } from 'three'
 
 import type { CollisionShapes, ContactForces, Pose, Shapes } from '../messages'
 import type { Store } from '../store'
@@ -40,7 +40,7 @@ export class OverlayView {
   }
 
   /** Shows what the store has, at the poses of the state. `followed`: the vehicle near which fixed shapes are shown. */
-  update(store: Store, state: WorldState, followed: PlacedObject): void {
+  update(store: Store, state: WorldState, followed: PlacedObject, camera: Camera): void {
     const { areShapesShown, areForcesShown, areAxesShown } = store
     const isAny = areShapesShown.value || areForcesShown.value || areAxesShown.value
     this.group.visible = isAny
@@ -61,6 +61,7 @@ export class OverlayView {
         if (!strokes.mesh.visible || !placed) continue
         strokes.mesh.position.copy(placed.position)
         strokes.mesh.quaternion.copy(placed.orientation)
+        strokes.spread(camera)
       }
     }
   }

@@ -21,7 +21,10 @@ import { isSoftware, type Profile } from './quality'
 import type { World } from './world'
 
 const COPY_VERTEX = 'void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }'
-/** FXAA: jagged edges are smoothed, with the formulas of render/fxaa.py (T. Lottes, 2009). */
+/**
+ * FXAA: jagged edges are smoothed, with the formulas of render/fxaa.py (T. Lottes, 2009). Opacity 0 marks what is smooth,
+ * such as texts.
+ */
 const COPY_FRAGMENT = /* glsl */ `
 uniform sampler2D drawn;
 out vec4 pixel;
@@ -32,7 +35,8 @@ vec3 at(vec2 off) {
 }
 float brightness(vec3 c) { return dot(c, vec3(0.299, 0.587, 0.114)); }
 void main() {
-  vec3 own = at(vec2(0.0));
+  vec4 drawn_here = texelFetch(drawn, ivec2(gl_FragCoord.xy), 0);
+  vec3 own = drawn_here.rgb;
   float m = brightness(own), nw = brightness(at(vec2(-1.0, 1.0))), ne = brightness(at(vec2(1.0, 1.0)));
   float sw = brightness(at(vec2(-1.0, -1.0))), se = brightness(at(vec2(1.0, -1.0)));
   float low = min(m, min(min(nw, ne), min(sw, se))), high = max(m, max(max(nw, ne), max(sw, se)));
@@ -44,7 +48,7 @@ void main() {
   vec3 near = 0.5 * (at(along / -6.0) + at(along / 6.0));
   vec3 wide = 0.5 * near + 0.25 * (at(-0.5 * along) + at(0.5 * along));
   float b = brightness(wide);
-  pixel = vec4(b < low || b > high ? near : wide, 1.0);
+  pixel = vec4(mix(own, b < low || b > high ? near : wide, drawn_here.a), 1.0);
 }
 #else
 void main() { pixel = vec4(texelFetch(drawn, ivec2(gl_FragCoord.xy), 0).rgb, 1.0); }

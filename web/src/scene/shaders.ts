@@ -112,9 +112,9 @@ uniform sampler2DShadow still_map, caster_map, beam_map;
 uniform vec4 still_scale, still_offset;         // from in_sun to the shadow map of static objects
 uniform int caster_count;
 uniform vec4 caster_offset[${CASTER_SLOTS}];    // likewise for the tile of each vehicle
-uniform vec4 caster_tile[${CASTER_SLOTS}];      // corner and size of the tile, size of a texel
+uniform vec4 caster_tile[${CASTER_SLOTS}];      // corner of the tile, half length and half width of the vehicle
 uniform vec4 caster_place[${CASTER_SLOTS}];     // x, y of the vehicle centre, cosine and sine of its yaw
-uniform vec4 caster_half;                       // half length and width of a vehicle, scale of its tile and depth
+uniform vec4 tile_scale;                        // size of a tile and of a texel, from in_sun to place and depth in it
 uniform int beam_count, head_count, lamp_count;
 uniform vec4 lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}], lamp_up[${LAMP_SLOTS}];
 uniform mat4 beam_from_map[${BEAM_SLOTS}];
@@ -152,10 +152,10 @@ float sunlit() {
   lit = inside ? lit : 1.0;
   for (int i = 0; i < caster_count; i++) {
     vec4 tile = caster_tile[i];
-    at = in_sun * caster_half.zzw + caster_offset[i].xyz;
+    at = in_sun * tile_scale.zzw + caster_offset[i].xyz;
     vec2 off = abs(at.xy - 0.5);
     if (max(off.x, off.y) < 0.48 && at.z < 1.0)  // filtering at the border would read the next tile
-      lit = min(lit, shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), tile.w));
+      lit = min(lit, shadow(caster_map, vec3(tile.xy + at.xy * tile_scale.x, at.z), tile_scale.y));
   }
   return lit;
 #endif
@@ -166,7 +166,7 @@ float openness() {
   float open = 1.0;
   for (int i = 0; i < caster_count; i++) {
     vec2 d = place.xy - caster_place[i].xy;
-    if (dot(d, d) <= 0.15) open *= open_beside(caster_place[i], d);
+    if (dot(d, d) <= 0.15) open *= open_beside(caster_place[i], caster_tile[i].zw, d);
   }
   return open;
 }
@@ -180,9 +180,11 @@ vec3 reflected(Finish f, bool is_glossy, vec3 n, vec3 v, vec3 l) {
 
 // Light that arrives at the camera, with what the surface emits and what its water mirrors.
 vec3 in_air(vec3 light) {
-  vec3 emission = own_emission;
-#if defined(WET) && !defined(SKINNED)
-  light += glint(normalize(facing), normalize(cameraPosition - place));
+  vec3 emission = own_emission, n = normalize(facing), v = normalize(cameraPosition - place);
+#ifdef SKINNED
+  if (is_day == 0) light += outlined(own_color, n, v);
+#elif defined(WET)
+  light += glint(n, v);
 #endif
 #ifdef AIR
   float share = exp(-exposure.z * distance(cameraPosition, place));
@@ -292,7 +294,7 @@ void main() {
 /** Uniforms instead of the uniform blocks of the simulator cameras. */
 const BLOCKS = /* glsl */ `
 ${LIGHT}
-uniform vec4 caster_half, lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}];
+uniform vec4 lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}];
 `
 
 function ofCameras(shader: string): string {

@@ -59,7 +59,7 @@ export class Shadows {
     still_offset: { value: new Vector4(9, 9, 9, 0) },
     caster_offset: { value: new Float32Array(4 * CASTER_SLOTS) },
     caster_tile: { value: new Float32Array(4 * CASTER_SLOTS) },
-    caster_half: { value: new Vector4() },
+    tile_scale: { value: new Vector4() },
     beam_from_map: { value: new Float32Array(16 * BEAM_SLOTS) },
     beam_texel: { value: 0 },
   }
@@ -92,9 +92,8 @@ export class Shadows {
     this.uniforms.caster_map.value = this.targets.caster?.depthTexture ?? null
     this.uniforms.beam_map.value = this.targets.beam?.depthTexture ?? null
     this.uniforms.beam_texel.value = 1 / Math.max(2 * beamMap, 1)
-    const half = this.uniforms.caster_half.value
-    half.z = 0.5 / extent
-    half.w = 1 / (2 * extent + 0.6)
+    const place = 0.5 / extent
+    this.uniforms.tile_scale.value.set(1 / CASTER_TILES, 1 / Math.max(casterMap, 1), place, 1 / (2 * extent + 0.6))
     this.lightCamera.matrixAutoUpdate = this.lightCamera.matrixWorldAutoUpdate = false
   }
 
@@ -181,8 +180,8 @@ export class Shadows {
     const { caster } = this.targets
     if (!caster) return
     const edge = caster.width / CASTER_TILES
-    const half = this.uniforms.caster_half.value
-    const scale = new Vector3(half.z, half.z, half.w)
+    const { x: size, z: place, w: depth } = this.uniforms.tile_scale.value
+    const scale = new Vector3(place, place, depth)
     vehicles.forEach(({ root, caster: thing }, slot) => {
       const low = center.setFromMatrixPosition(root).applyMatrix3(this.sun).subScalar(this.extent)
       low
@@ -190,8 +189,7 @@ export class Shadows {
         .negate()
         .toArray(this.uniforms.caster_offset.value, 4 * slot)
       const [row, column] = [Math.floor(slot / CASTER_TILES), slot % CASTER_TILES]
-      const size = 1 / CASTER_TILES
-      this.uniforms.caster_tile.value.set([column * size, row * size, size, 1 / caster.width], 4 * slot)
+      this.uniforms.caster_tile.value.set([column * size, row * size], 4 * slot)
       this.aim(scale, low)
       this.beginTile(renderer, caster, column * edge, row * edge, edge)
       renderer.render(thing, this.lightCamera)

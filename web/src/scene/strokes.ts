@@ -2,14 +2,20 @@
 import {
   BufferAttribute,
   type BufferGeometry,
+  type Camera,
   CanvasTexture,
+  CustomBlending,
   GLSL3,
   InstancedBufferAttribute,
   InstancedBufferGeometry,
   Mesh,
+  OneMinusSrcAlphaFactor,
   ShaderMaterial,
+  SrcAlphaFactor,
   Vector2,
+  Vector3,
   type WebGLRenderer,
+  ZeroFactor,
 } from 'three'
 
 import FRAGMENT from '../../../src/autodrive/graphics/render/shaders/strokes.frag?raw'
@@ -17,6 +23,7 @@ import VERTEX from '../../../src/autodrive/graphics/render/shaders/strokes.vert?
 
 /** Columns and rows of the image with the characters, as in the shader, and size of one [pixels]; characters beyond them are squares. */
 const [COLUMNS, ROWS, WIDTH, HEIGHT] = [32, 16, 32, 64]
+const OUTLINE = 10
 const [POINT, LINE, CHARACTER] = [0, 1, 2]
 const NO_CHARACTER = '\u25a1'
 
@@ -24,10 +31,14 @@ const NO_CHARACTER = '\u25a1'
 export class Strokes {
   readonly mesh: Mesh
   private readonly geometry = new InstancedBufferGeometry()
+  private all: readonly Primitive[] = []
   private readonly uniforms = { image: { value: new Vector2(1, 1) }, characters: { value: characters().texture } }
   private readonly material = new ShaderMaterial({
     ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3, uniforms: this.uniforms },
     ...{ transparent: true, depthWrite: false },
+    // their edges are smooth: where they cover the image, FXAA leaves it as it is
+    ...{ blending: CustomBlending, blendSrc: SrcAlphaFactor, blendDst: OneMinusSrcAlphaFactor },
+    ...{ blendSrcAlpha: ZeroFactor, blendDstAlpha: OneMinusSrcAlphaFactor },
   })
 
   /** `isSeenThrough`: also what is behind other things is shown. */
@@ -62,6 +73,30 @@ export class Strokes {
       this.geometry.setAttribute(name, new InstancedBufferAttribute(values, size))
     }
     this.geometry.instanceCount = all.length
+    this.all = all
+  }
+
+  /** Moves texts up in the image until none covers another one below it, as `spread` of render/strokes.py. */
+  spread(camera: Camera): void {
+    this.mesh.updateMatrixWorld()
+    camera.updateMatrixWorld()
+    const texts = []
+    for (let first = 0, count = 1; first < this.all.length; first += count) {
+      const { begin, shape } = this.all[first]
+      const [kind, height, place] = shape
+      count = kind === CHARACTER ? Math.round(1 - 2 * place) : 1 // the first of n letters is at -(n - 1) / 2
+      const { x, y, z } = seen
+        .fromArray([...begin])
+        .applyMatrix4(this.mesh.matrixWorld)
+        .applyMatrix4(camera.matrixWorldInverse)
+      const box = { x: x / -z, y: y / -z, wide: (0.25 * count * height) / -z, high: (0.5 * height) / -z }
+      if (kind === CHARACTER && z < 0) texts.push({ first, count, box })
+    }
+    if (texts.length === 0) return
+    const up = raised(texts.map(({ box }) => box))
+    const ends = this.geometry.getAttribute('end')
+    for (const [i, { first, count }] of texts.entries()) for (let k = first; k < first + count; k++) ends.setY(k, up[i])
+    ends.needsUpdate = true
   }
 
   dispose(): void {
@@ -91,8 +126,23 @@ export function letters(text: string, at: Place, tint: Tint, size: number): Prim
   const all = [...text]
   return all.map((letter, i) => {
     const shape = [CHARACTER, size, i - 0.5 * (all.length - 1), characters().number(letter)]
-    return { begin: at, end: at, tint, shape }
+    return { begin: at, end: [0, 0, 0], tint, shape }
   })
+}
+
+/** How far each text is moved up until it covers none below it, in its own heights; half sizes in an image. */
+export function raised(texts: readonly { x: number; y: number; wide: number; high: number }[]): number[] {
+  const placed: { x: number; y: number; wide: number; high: number }[] = []
+  const up = texts.map(() => 0)
+  for (const i of [...up.keys()].sort((a, b) => texts[a].y - texts[b].y)) {
+    const own = { ...texts[i] }
+    const isHit = (one: typeof own) =>
+      Math.abs(one.x - own.x) < one.wide + own.wide - 1e-9 && Math.abs(one.y - own.y) < one.high + own.high - 1e-9
+    for (let hit = placed.find(isHit); hit; hit = placed.find(isHit)) own.y = hit.y + hit.high + own.high
+    up[i] = (0.5 * (own.y - texts[i].y)) / own.high
+    placed.push(own)
+  }
+  return up
 }
 
 export type Place = readonly number[]
@@ -139,6 +189,10 @@ class Characters {
       this.context.textAlign = 'center'
       this.context.textBaseline = 'middle'
       this.context.fillStyle = '#fff'
+      // a dark outline: texts are also read before a bright sky, and on snow
+      this.context.lineJoin = 'round'
+      this.context.lineWidth = OUTLINE
+      this.context.strokeText(letter, x + WIDTH / 2, y + HEIGHT / 2, WIDTH)
       this.context.fillText(letter, x + WIDTH / 2, y + HEIGHT / 2, WIDTH)
       this.context.restore()
     }
@@ -147,6 +201,7 @@ class Characters {
   }
 }
 
+const seen = new Vector3()
 let known: Characters | null = null
 
 /** The characters of all texts of the page. */

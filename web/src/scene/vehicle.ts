@@ -100,12 +100,13 @@ export class VehicleModel {
     return point.setFromMatrixPosition(this.root).distanceTo(eye)
   }
 
-  /** Writes x, y of the centre, cosine and sine of the yaw. */
-  footprint(into: Float32Array, at: number): void {
+  /** Writes x, y of the centre, cosine and sine of the yaw, and behind the tile in `tiles` half length and width. */
+  footprint(places: Float32Array, tiles: Float32Array, at: number): void {
     const e = this.root.elements
     const level = Math.max(Math.hypot(e[0], e[1]), 1e-6)
     point.copy(this.middle).applyMatrix4(this.root)
-    into.set([point.x, point.y, e[0] / level, e[1] / level], at)
+    places.set([point.x, point.y, e[0] / level, e[1] / level], at)
+    tiles.set([this.half.x, this.half.y], at + 2)
   }
 
   dispose(): void {

@@ -460,7 +460,7 @@ class View implements SceneView {
     this.scan.show(scan, followed, spec.lidar, motion)
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
     this.drawingView.update(store)
-    this.overlayView.update(store, state, vehicle)
+    this.overlayView.update(store, state, vehicle, viewpoints.camera)
     // light to work by in Edit and Build mode; the simulation stays as dark as it is
     const seen = store.isMapViewed && !state.isDay ? { ...state, isDay: true, timeOfDay: null } : state
     this.draw = () => renderer.render(world, viewpoints.camera, seen, followed, 0)

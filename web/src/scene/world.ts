@@ -95,8 +95,6 @@ export class World {
     const extent = Math.max(0.05, ...models.map((model) => model.reach))
     const sun: number[] = description.light_table.day.sun_direction
     this.shadows = new Shadows(profile, sunAxes(sun), sun[2], 1.05 * extent)
-    this.shadows.uniforms.caster_half.value.setX(Math.max(0, ...models.map((model) => model.half.x)))
-    this.shadows.uniforms.caster_half.value.setY(Math.max(0, ...models.map((model) => model.half.y)))
     const lamps = {
       lamp_place: { value: this.activeLamps.position },
       lamp_aim: { value: this.activeLamps.aim },
@@ -149,7 +147,9 @@ export class World {
     const casters = models
       .sort((a, b) => a.distanceTo(cameraPosition) - b.distanceTo(cameraPosition))
       .slice(0, CASTER_SLOTS)
-    for (const [slot, model] of casters.entries()) model.footprint(this.places.caster_place.value, 4 * slot)
+    for (const [slot, model] of casters.entries()) {
+      model.footprint(this.places.caster_place.value, this.shadows.uniforms.caster_tile.value, 4 * slot)
+    }
     this.light.caster_count.value = casters.length
     if (this.light.is_day.value === 1) {
       this.shadows.drawStatic(renderer, camera)

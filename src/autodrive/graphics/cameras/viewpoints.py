@@ -63,7 +63,7 @@ class Viewpoint:
         """The renderer's view for an image of that size [pixels]."""
         f = 0.5 * height / math.tan(0.5 * self.field_of_view_deg * DEGREE)
         pinhole = CameraIntrinsics(width, height, f, f, 0.5 * width, 0.5 * height)
-        return View(self.position, self.orientation, pinhole, self.near, self.far)
+        return View(self.position, self.orientation, pinhole, self.near, self.far, is_outlined=True)
 
 
 def drivers_eye(position: Vector, orientation: Quaternion) -> Viewpoint:

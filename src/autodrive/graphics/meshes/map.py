@@ -42,8 +42,8 @@ PART = 8
 KERB_SHADE, KERB_SHADE_WIDTH = 0.4, 0.012
 WALL_SHADE, WALL_SHADE_WIDTH = 0.55, 0.1
 """Share of the sky that a kerb, and a wall or a building, hides from the ground at its foot, and how far [m]."""
-DUCT_SHADE = 0.3
-"""Likewise of a duct, from the ground below its face; a quarter of its width far."""
+DUCT_SHADE = 0.45
+"""Likewise of a duct; a quarter of its width far."""
 
 
 def map_asset(map_: Map) -> Asset:
@@ -135,10 +135,10 @@ def _shade(map_: Map, bare: list[Layer]) -> Iterator[Line]:
     """Shade at the feet of kerbs, walls, buildings and barriers."""
     if map_.track is not None:
         barrier = map_.track.barrier
-        for face in map_.track.walls:  # a duct touches the floor half its width behind its face
+        for face in map_.track.walls:
             line = np.vstack([face, face[:1]])[::-1]
             if barrier.kind == "duct":
-                yield shade_along(line, 0.25 * barrier.width, DUCT_SHADE, behind=0.5 * barrier.width)
+                yield shade_along(line, 0.25 * barrier.width, DUCT_SHADE)
             else:
                 yield shade_along(line, WALL_SHADE_WIDTH, WALL_SHADE)
         return

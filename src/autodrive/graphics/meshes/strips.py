@@ -81,10 +81,10 @@ def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> li
     return [line if line is not None and is_on_road(polygon) else None for polygon, line in lines]
 
 
-def shade_along(points: Floats, width: float, shade: float, *, behind: float = 0.0) -> Line:
+def shade_along(points: Floats, width: float, shade: float) -> Line:
     """Shade on the right side of a line: `shade` at the line and nothing at that distance.
 
-    `behind`: how far it continues on the left side, with the same slope [m]. A closed line ends with its first point.
+    A closed line ends with its first point.
     """
     is_closed = bool(np.allclose(points[0], points[-1]))
     step = np.diff(points, axis=0)
@@ -94,8 +94,7 @@ def shade_along(points: Floats, width: float, shade: float, *, behind: float = 0
     along = before + after
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
     aside = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.sum(along * after, axis=1), 0.5)[:, None]
-    left, right = points - behind * aside, points + width * aside
-    return Line(right, left, width + behind, is_closed, (0.0, 0.0), (0.0, shade * (1.0 + behind / width)))
+    return Line(points + width * aside, points, width, is_closed, (0.0, 0.0), (0.0, shade))
 
 
 def strips(lines: Iterable[Line]) -> Strips | None:

@@ -1,4 +1,4 @@
-"""Builds the meshes of the barriers of a race track: walls with a coping, and round air ducts with dark rings."""
+"""Builds the meshes of the barriers of a race track: walls with a coping, and air ducts with dark rings."""
 
 from __future__ import annotations
 
@@ -26,14 +26,22 @@ DUCT = Material("duct", (0.42, 0.43, 0.45), roughness=0.65)
 RING = Material("duct_ring", (0.05, 0.05, 0.055), roughness=0.7)
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-FACES: dict[Detail, int] = {"full": 8, "reduced": 8, "shadow": 4}
-"""Faces around a duct; the part on the floor, which nobody sees, is left out. Shadows have no rings.
+FOOT = 0.97
+"""A duct lies on the floor with sides as steep as the box that a vehicle hits: half its width at the floor, at half
+height 1. The upper half is round."""
+PROFILE = (
+    ((-FOOT, -1.0), (-0.8, -0.6)),
+    *(((math.cos(angle), math.sin(angle)),) * 2 for angle in np.linspace(math.pi, 0.0, 7)),
+    ((FOOT, -1.0), (0.8, -0.6)),
+)
+"""Edges and normals around a duct, from its face over the top to its back: to the back and up, -1 to 1.
 
-What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own duct.
+The normals at the floor shade the sides like those of a round duct.
 """
-LOWEST = 1.36 * math.pi
-"""Angle around a duct at which its faces begin, at 5 % of its height [rad]."""
-DUCT_FOOT, WALL_FOOT = 0.35, 0.65
+STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
+"""What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own
+duct. Shadows have no rings."""
+DUCT_FOOT, WALL_FOOT = 0.5, 0.65
 """Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
 RING_PERIOD, RING_WIDTH = 0.5, 0.04
 """Of the dark rings of a duct [m]."""
@@ -48,10 +56,10 @@ def barrier_nodes(track: Track) -> Iterator[AssetNode]:
             line, height = (points, normals, depth), track.barrier.height
             if track.barrier.kind == "duct":
                 levels: dict[Detail, tuple[MeshSurface, ...]] = {
-                    detail: _duct(*line, height, first, last, detail) for detail in FACES
+                    detail: _duct(*line, height, first, last, detail) for detail in STEPS
                 }
             else:
-                levels = dict.fromkeys(FACES, _wall(*line, height))
+                levels = dict.fromkeys(STEPS, _wall(*line, height))
             yield AssetNode(f"barrier_{number}", surfaces=levels)
 
 
@@ -97,11 +105,9 @@ def _duct(
     if detail != "shadow":
         points, back, depth, is_ring = _with_rings(points, back, depth)
     rims: list[tuple[Floats, Floats]] = []
-    for k in range(FACES[detail] + 1):
-        angle = LOWEST + (math.pi - 2.0 * LOWEST) * k / FACES[detail]
-        cos, sin = math.cos(angle), math.sin(angle)
-        rim = _at_height(points, back, depth, 0.5 + 0.5 * cos, height * (0.5 + 0.5 * sin))
-        rims.append((rim, _normal(back, cos, sin)))
+    for (outward, up), normal in PROFILE[:: STEPS[detail]]:
+        rim = _at_height(points, back, depth, 0.5 + 0.5 * outward, height * (0.5 + 0.5 * up))
+        rims.append((rim, _normal(back, *normal)))
     plain: list[Mesh] = []
     rings: list[Mesh] = []
     for low, high in itertools.pairwise(rims):

@@ -10,7 +10,7 @@ import numpy as np
 from autodrive.graphics.render.lighting import LAMP, burning, lamp_table, reach, strength
 from autodrive.graphics.render.look import Daylight
 from autodrive.graphics.render.scene import LEVEL, rigid, rigid_all, signals_of
-from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, columns
+from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, TILES, columns
 from autodrive.physics.actuators.lights import LAMPS
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ FRAME = np.dtype(
         ("sun_from_map", "f4", (4, 4)),
         *((name, "f4", 4) for name in ("still_scale", "still_offset")),
         *((name, "f4", (CASTERS, 4)) for name in ("caster_offset", "caster_tile", "caster_place")),
-        ("caster_half", "f4", 4),
+        ("tile_scale", "f4", 4),
         *((name, "f4", (LAMP_SLOTS, 4)) for name in ("lamp_place", "lamp_aim", "lamp_color")),
         ("beam_up", "f4", (BEAMS, 4)),
         ("beam_from_map", "f4", (BEAMS, 4, 4)),
@@ -208,18 +208,16 @@ class DrawList:
         for slot, vehicle in enumerate(casters):
             heading = roots[vehicle, :2, 0] / max(np.linalg.norm(roots[vehicle, :2, 0]), 1e-6)
             frame["caster_place"][slot] = *centers[vehicle, :2], *heading
-            frame["caster_tile"][slot, 3] = 1.0
-            frame["caster_half"][:2] = self.outlines[vehicle][1]
+            frame["caster_tile"][slot, 2:] = self.outlines[vehicle][1]
         if not is_day:
             return
         frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
         frame["still_scale"][3], frame["still_offset"][3] = 1.0 / shadows.still_size, shadows.skin
-        frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
+        frame["tile_scale"] = 1.0 / TILES, 1.0 / shadows.caster_size, *shadows.caster_scale[[0, 2]]
         if casters:
-            offsets, tiles = shadows.draw_casters(casters, roots, bones)
+            offsets, corners = shadows.draw_casters(casters, roots, bones)
             frame["caster_offset"][: len(casters), :3] = offsets
-            frame["caster_tile"][: len(casters), :3] = tiles
-            frame["caster_tile"][: len(casters), 3] = 1.0 / shadows.caster_size
+            frame["caster_tile"][: len(casters), :2] = corners
 
     def set_lamps(
         self,

@@ -25,6 +25,7 @@ from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
+from autodrive.protocol.labels import Label
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -268,14 +269,17 @@ class Renderer:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
     def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
-        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects)
+        outlines = ("OUTLINED",) if view.is_outlined and not is_day else ()
+        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects, of_vehicles=outlines)
         if self._is_sky_coarse(view):
             self._draw_coarse_sky(clip, look, view)
         else:
             self._draw_sky(clip, look)
         self._draw_air(clip, look.air, time, view)
 
-    def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
+    def _draw_calls(
+        self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...], of_vehicles: tuple[str, ...] = ()
+    ) -> None:
         """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
         textured = next((i for i, (_, piece, *_) in enumerate(calls) if piece[3]), 0)
         order = [*calls[textured : textured + 1], *calls[:textured], *calls[textured + 1 :]]
@@ -284,7 +288,7 @@ class Renderer:
             first, count, kind, textures = piece
             counts = len(lit.casters), len(lit.beams), len(lit.lamps)
             looks = bones is not None, kind, bool(textures), is_day, lit.is_shaded
-            variant = ShaderVariant(*looks, *counts, weather)
+            variant = ShaderVariant(*looks, *counts, weather if bones is None else weather + of_vehicles)
             program = self._program(variant)
             if (variant, textures, lit) != used:
                 used = variant, textures, lit
@@ -493,14 +497,20 @@ class Renderer:
             "STILL": variant.is_shaded,
         }
         definitions = {name: 1 for name, is_set in flags.items() if is_set} | dict.fromkeys(variant.weather, 1)
-        definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
+        definitions |= {
+            "VEHICLE": int(Label.VEHICLE),
+            "CASTERS": variant.casters,
+            "BEAMS": variant.beams,
+            "LAMPS": variant.lamps,
+        }
         definitions["TAPS"] = self.quality.taps
         texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
         return self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
-        program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
+        definitions |= joints
+        program = self._context.program(source(vertex, **definitions), source(fragment, **definitions))
         for name, binding in (("Frame", 0), ("Camera", 1)):
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):

@@ -247,10 +247,10 @@ class Shadows:
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """Draw a tile for each of these vehicles; offsets from sun axes * caster_scale to the tile, and its place.
 
-        `roots`: of all vehicles, shape (n, 4, 4); `bones`: columns. Both results have shape (n_tile, 3): the offset,
-        and corner and width of the tile.
+        `roots`: of all vehicles, shape (n, 4, 4); `bones`: columns. The results have the shapes (n_tile, 3) and
+        (n_tile, 2), the corner of the tile.
         """
-        offsets, tiles = np.zeros((len(vehicles), 3)), np.zeros((len(vehicles), 3))
+        offsets, corners = np.zeros((len(vehicles), 3)), np.zeros((len(vehicles), 2))
         edge = self.caster_size // TILES
         with self._drawing(self._caster_frame):
             for slot, vehicle in enumerate(vehicles):
@@ -258,13 +258,13 @@ class Shadows:
                 low = center - self._extent
                 offsets[slot] = -low * self.caster_scale
                 row, column = divmod(slot, TILES)
-                tiles[slot] = column / TILES, row / TILES, 1.0 / TILES
+                corners[slot] = column / TILES, row / TILES
                 tile = (column * edge, row * edge, edge, edge)
                 self._caster_frame.clear(viewport=tile)
                 self._caster_frame.viewport = tile
                 clip = self._sun_clip(self.caster_scale, offsets[slot])
                 self._draw_vehicle(vehicle, clip, bones[vehicle])
-        return offsets, tiles
+        return offsets, corners
 
     def draw_beams(
         self, lamps: np.ndarray, owners: Sequence[int], objects: Floats, roots: Floats, bones: Sequence[bytes]

@@ -25,6 +25,8 @@ STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("sh
 POINT, LINE, CHARACTER = 0, 1, 2
 COLUMNS, ROWS, WIDTH, HEIGHT = 32, 16, 32, 64
 """Of the image with the characters, and of one [pixels]."""
+OUTLINE = 10
+"""Of each character, against a bright ground [pixels]."""
 NO_CHARACTER = "□"
 """In the place of characters for which the image has no room."""
 
@@ -35,7 +37,7 @@ class Strokes(NamedTuple):
     hidden: NDArray[np.void]
     """What is behind other things is not seen."""
     shown: NDArray[np.void]
-    """Drawn over everything."""
+    """Drawn over everything; its texts do not cover each other."""
 
 
 def dots(points: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
@@ -50,10 +52,36 @@ def lines(begin: Floats, end: Floats, tint: Sequence[float], size: float) -> NDA
 
 def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArray[np.void]:
     """A text of that height [m] with its middle at a place."""
-    out = _strokes(np.tile(at, (len(text), 1)), np.tile(at, (len(text), 1)), tint, CHARACTER, size)
+    out = _strokes(np.tile(at, (len(text), 1)), np.zeros((len(text), 3)), tint, CHARACTER, size)
     out["shape"][:, 2] = np.arange(len(text)) - 0.5 * (len(text) - 1)
     out["shape"][:, 3] = [ord(letter) for letter in text]
     return out
+
+
+def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating]) -> NDArray[np.void]:
+    """The same with each text moved up in the image until it covers none below it; `seen_from_map`: y up, z backward.
+
+    `web/src/scene/strokes.ts` has the same rule.
+    """
+    moved, i = strokes.copy(), 0
+    of_letters = np.flatnonzero(strokes["shape"][:, 0] == CHARACTER)
+    texts: list[tuple[Floats, slice]] = []
+    placed: list[Floats] = []
+    while i < len(of_letters):
+        first = int(of_letters[i])
+        n = round(1.0 - 2.0 * float(strokes["shape"][first, 2]))  # the first of n letters is at -(n - 1) / 2
+        x, y, z = seen_from_map[:3, :3] @ strokes["begin"][first] + seen_from_map[:3, 3]
+        height = float(strokes["shape"][first, 1])
+        if z < 0.0:
+            texts.append((np.array((x, y, 0.25 * n * height, 0.5 * height)) / -z, slice(first, first + n)))
+        i += n
+    for box, own in sorted(texts, key=lambda text: float(text[0][1])):
+        low = box[1]
+        while hit := [one for one in placed if np.all(np.abs(one - box)[:2] < (one + box)[2:] - 1e-9)]:
+            box[1] = hit[0][1] + hit[0][3] + box[3]
+        moved["end"][own, 1] = 0.5 * (box[1] - low) / box[3]
+        placed.append(box)
+    return moved
 
 
 def _strokes(begin: Floats, end: Floats, tint: Sequence[float], kind: int, size: float) -> NDArray[np.void]:
@@ -93,7 +121,7 @@ class StrokePass:
         context.fbo.depth_mask = False
         self._draw(strokes.hidden)
         context.disable(moderngl.DEPTH_TEST)
-        self._draw(strokes.shown)
+        self._draw(spread(strokes.shown, np.linalg.inv(eye)))
         context.fbo.depth_mask = True
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
@@ -127,7 +155,8 @@ class StrokePass:
         for letter in new:
             self._numbers[letter] = len(self._numbers)
         font = f'font-size="{0.8 * HEIGHT}" font-family="DejaVu Sans Mono, monospace" font-weight="600"'
-        style = f'{font} text-anchor="middle" dominant-baseline="central" fill="#fff"'
+        outline = f'stroke="#000" stroke-width="{OUTLINE}" stroke-linejoin="round" paint-order="stroke"'
+        style = f'{font} text-anchor="middle" dominant-baseline="central" fill="#fff" {outline}'
         texts = "".join(
             f'<text x="{WIDTH * (number % COLUMNS + 0.5)}" y="{HEIGHT * (number // COLUMNS + 0.5)}">'
             f"{escape(letter)}</text>"

@@ -27,6 +27,8 @@ class View:
     """Near clipping distance [m]."""
     far: float = 1000.0
     """Far clipping distance [m]."""
+    is_outlined: bool = False
+    """Whether vehicles have faint outlines at night, for people: not in the images of sensors."""
 
 
 @dataclass(frozen=True)

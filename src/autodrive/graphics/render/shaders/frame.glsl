@@ -7,9 +7,9 @@
     mat4 sun_from_map;
     vec4 still_scale, still_offset;    // from in_sun to the static shadow map; offset of in_sun from the surface
     vec4 caster_offset[16];     // the same for the tile of each vehicle
-    vec4 caster_tile[16];       // corner and size of the tile; size of a texel, 0: no tile
+    vec4 caster_tile[16];       // corner of the tile; half length and half width of the vehicle, 0: no vehicle
     vec4 caster_place[16];      // x, y of the vehicle's centre, cosine and sine of its yaw
-    vec4 caster_half;           // half length, half width of a vehicle, scale of its tile, scale of its depth
+    vec4 tile_scale;            // size of a tile, size of a texel, from in_sun to the place and the depth in a tile
     vec4 lamp_place[48];        // position, range
     vec4 lamp_aim[48];          // direction, cosine of the outer cone
     vec4 lamp_color[48];        // intensity [cd], 1 / (cosine of the inner cone - of the outer)

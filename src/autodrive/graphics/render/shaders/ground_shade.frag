@@ -12,6 +12,6 @@ void main() {
 #ifdef SUNLIT
     pixel = vec4(0.0, 0.0, 1.0 - beside(slot, mat3(sun_from_map) * (place + vec3(0.0, 0.0, still_offset.w))), 0.0);
 #else
-    pixel = vec4(0.0, 0.0, 0.0, 1.0 - open_beside(caster_place[slot], place.xy - caster_place[slot].xy));
+    pixel = vec4(0.0, 0.0, 0.0, 1.0 - open_beside(caster_place[slot], caster_tile[slot].zw, place.xy - caster_place[slot].xy));
 #endif
 }

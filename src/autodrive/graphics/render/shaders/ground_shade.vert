@@ -16,7 +16,7 @@ void main() {
 #ifdef SUNLIT
     vec2 at = mix(areas[slot].xy, areas[slot].zw, vec2(is_far)), x = along, middle = vec2(0.0);
 #else
-    vec2 at = (caster_half.xy + reach) * mix(vec2(-1.0), vec2(1.0), vec2(is_far)), x = caster_place[slot].zw, middle = caster_place[slot].xy;
+    vec2 at = (caster_tile[slot].zw + reach) * mix(vec2(-1.0), vec2(1.0), vec2(is_far)), x = caster_place[slot].zw, middle = caster_place[slot].xy;
 #endif
     place = vec3(middle + at.x * x + at.y * vec2(-x.y, x.x), 0.0);
     gl_Position = clip_from_map * vec4(place, 1.0);

@@ -16,12 +16,18 @@ vec3 mirrored(Finish f, vec3 n, vec3 v, float open) {
     return seen * 0.31831 * open * mirror * (1.0 - 0.5 * f.roughness);
 }
 
-// Share of the sky that is visible at a point beside or below a vehicle, whose place is as in `caster_place`.
-float open_beside(vec4 other, vec2 d) {
-    vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
+// Share of the sky that is visible at a point beside or below a vehicle: its place as in `caster_place`, its half size.
+float open_beside(vec4 other, vec2 size, vec2 d) {
+    vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - size, 0.0);
     float far = dot(outside, outside);
     far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
     return 1.0 - 0.75 * exp(-far * 700.0);
+}
+
+// Light of a vehicle at night, most at its outlines, by which people find it: no sensor sees it.
+vec3 outlined(vec3 color, vec3 n, vec3 v) {
+    float x = 1.0 - abs(dot(n, v));
+    return zenith.rgb * (0.8 * sqrt(color) + 0.5 * x * x);
 }
 
 // Light from the direction l that goes to v: a matt surface, and one with gloss.

@@ -1,5 +1,6 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss. QUICK: lamps cause no gloss.
+// OUTLINED: vehicles have outlines. FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss.
+// QUICK: lamps cause no gloss.
 // STILL: shadows of static meshes reach this draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows (of the ground:
 // see ground_shade.frag), headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
@@ -53,8 +54,8 @@ float sunlit() {
 float openness() {
     float open = 1.0;
     for (int i = 0; i < CASTERS; i++) {
-        vec4 other = caster_place[casters[i]];
-        open *= caster_tile[casters[i]].w > 0.0 ? open_beside(other, place.xy - other.xy) : 1.0;
+        vec4 other = caster_place[casters[i]], tile = caster_tile[casters[i]];
+        open *= tile.w > 0.0 ? open_beside(other, tile.zw, place.xy - other.xy) : 1.0;
     }
     return open;
 }
@@ -91,8 +92,13 @@ void main() {
 #ifdef GROUND
     color = mix(color, PAINT, own.r);
 #endif
-#if !defined(JOINTED) && (defined(WET) || defined(SNOW))
-    color = weathered(color, n);
+#ifdef JOINTED
+    bool is_still = own_finish.w != float(VEHICLE);  // vehicles are dry, and no snow lies on them
+#else
+    const bool is_still = true;
+#endif
+#if defined(WET) || defined(SNOW)
+    if (is_still) color = weathered(color, n);
 #endif
     float roughness = own_finish.x, metallic = own_finish.y;
     Finish f;
@@ -142,9 +148,12 @@ void main() {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
         light += lamp_reflected(f, n, v, l) * arriving;
     }
+#ifdef OUTLINED
+    if (!is_still) light += outlined(own_color, n, v);
+#endif
     vec3 emission = own_emission;
-#if defined(WET) && !defined(JOINTED)
-    light += glint(n, v) * open;
+#ifdef WET
+    if (is_still) light += glint(n, v) * open;
 #endif
 #ifdef AIR
     float share = exp(-exposure.z * distance(eye.xyz, place));  // the rest is light of the horizon

@@ -21,9 +21,9 @@ float unshaded(sampler2DShadow map, vec3 at) {
 // Share of the sun that passes beside the vehicle in that slot. `in_sun`: place in the axes of the sun.
 float beside(int slot, vec3 in_sun) {
     vec4 tile = caster_tile[slot];
-    vec3 at = in_sun * caster_half.zzw + caster_offset[slot].xyz, off = abs(at - 0.5);
+    vec3 at = in_sun * tile_scale.zzw + caster_offset[slot].xyz, off = abs(at - 0.5);
     bool inside = max(off.x, off.y) < 0.48 &&  // filtering at the border would read the next tile
                   at.z < 1.0 && tile.w > 0.0;
-    float lit = shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), vec2(tile.w));
+    float lit = shadow(caster_map, vec3(tile.xy + at.xy * tile_scale.x, at.z), vec2(tile_scale.y));
     return inside ? lit : 1.0;
 }

@@ -4,7 +4,7 @@ in vec3 position;
 uniform mat4 modelViewMatrix, viewMatrix, projectionMatrix;
 #endif
 in vec3 begin;
-in vec3 end;
+in vec3 end;  // y of a character: how far it is moved up in the image [heights]
 in vec4 tint;
 in vec4 shape;  // kind: 0 point, 1 line, 2 character; size [m]; place in the text; number of the character
 uniform vec2 image;  // [pixels]
@@ -23,7 +23,7 @@ void main() {
     if (a.z > near && b.z <= near) a = mix(b, a, (near - b.z) / (a.z - b.z));
     if (b.z > near && a.z <= near) b = mix(a, b, (near - a.z) / (b.z - a.z));
   }
-  vec3 seen = position.x > 0.0 ? b : a;
+  vec3 seen = kind == 1.0 && position.x > 0.0 ? b : a;
   float pixel = 2.0 * max(-seen.z, 0.01) / (abs(projectionMatrix[1][1]) * image.y);
   float half_size = 0.5 * max(shape.y, kind == 2.0 ? 0.0 : 2.0 * pixel);  // at least two pixels
   vec2 offset = half_size * position.xy;
@@ -32,7 +32,7 @@ void main() {
     along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
     offset = half_size * (position.x * along + position.y * vec2(-along.y, along.x));
   } else if (kind == 2.0) {
-    offset = half_size * vec2(0.5 * position.x + shape.z, position.y);
+    offset = half_size * vec2(0.5 * position.x + shape.z, position.y + 2.0 * end.y);
     // an image of 32 columns and 16 rows
     place = vec2(mod(shape.w, 32.0), floor(shape.w / 32.0));
     place = (place + vec2(0.5 + 0.5 * position.x, 0.5 - 0.5 * position.y)) / vec2(32.0, 16.0);
