@@ -99,7 +99,7 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   function describe(frame: Frame | null): void {
     const state = frame?.weather ? `${inNumbers(frame.weather_effects, frame.weather)} ${frame.scene_light}` : ''
     if (!state) lines.hidden = true
-    if (state === described || performance.now() - askedAt < PAUSE) return
+    if (state === described || performance.now() - askedAt < PAUSE || !store.isMenuOpen.value) return
     described = state
     if (!state || store.status.value?.position != null) return // a replay has no simulation
     askedAt = performance.now()
