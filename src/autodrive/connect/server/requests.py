@@ -233,6 +233,8 @@ class Requests:
                         self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
                         self._on_change()
                     self._keep(asyncio.create_task(self._submit_prepared(turn, operation)))
+                case DescribeWeather():
+                    raise AssertionError("it is answered beside the queue")
                 case operation:
                     self._is_busy = True
                     self._submit(turn, operation)
