@@ -954,6 +954,7 @@ export interface TrackScene {
   line: TrackLine
   is_exact: boolean
   problems: (MapProblem)[]
+  templates: Record<string, string>
 }
 
 /**

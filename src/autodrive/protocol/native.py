@@ -334,6 +334,8 @@ class TrackScene(msgspec.Struct, frozen=True):
     is_exact: bool
     """False: the track has a centre line and walls of its own; `line` is a line by points near it."""
     problems: list[MapProblem]
+    templates: dict[str, str] = {}
+    """Maps for `UseMap`: name -> title."""
 
 
 class Scene(msgspec.Struct, frozen=True, tag=True):
