@@ -1,8 +1,9 @@
 """Makes the film of builder.md: a town and a track are built, driven on and sent. `uv run docs/builder_film.py`.
 
-`uv run docs/builder_film.py town film.webm` writes one part only, to another file.
+`uv run docs/builder_film.py town,link film.webm` writes some parts only, to another file.
 
-The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
+The simulator is paused and steps from image to image, and the page draws only for an image: the film does not depend on
+the speed of the machine.
 """
 
 from __future__ import annotations
@@ -37,9 +38,20 @@ STOP = 0.95, 1.15
 SIZE = 1024, 640
 RATE = 5
 """Images per second of the film."""
+TICKS = 4
+"""Ticks between two commands of the car."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
 OVERLAY = """
+const frame = requestAnimationFrame.bind(window)
+let waiting = []
+window.requestAnimationFrame = (draw) => waiting.push(draw)
+window.drawFilm = () => new Promise((drawn) => frame((now) => {
+  const all = waiting
+  waiting = []
+  for (const draw of all) draw(now)
+  drawn()
+}))
 localStorage.setItem('autodrive.first-steps', 'seen')
 addEventListener('DOMContentLoaded', () => {
   const add = (id, style) => {
@@ -81,14 +93,25 @@ class Film:
                 raise TimeoutError("the page did not get that far")
             self.page.wait_for_timeout(30)
 
-    def wait_for_image(self, count: int = 2) -> None:
-        """Wait until the 3D view has shown that many more images."""
-        before, end = self.value("store.imageCount.value"), time.monotonic() + 0.7
-        self.wait(lambda: self.value("store.imageCount.value") >= before + count or time.monotonic() > end)
-        self.wait(lambda: self.value("store.shownScene.value === store.scene.value"))
+    def draw(self) -> None:
+        """Let the page draw, which it does only then: software rendering needs most of the time of the film."""
+        self.page.evaluate("() => drawFilm()")
+
+    def wait_for_image(self) -> None:
+        """Wait until the 3D view shows the present scene."""
+        self.draw()
+        self.wait(lambda: self.draw() or self.value("store.shownScene.value === store.scene.value"))
+
+    def wait_for_track(self) -> None:
+        """Wait until the whole track is shown."""
+        points = "store.scene.value?.track_scene?.line.points"
+        inside = f"([x, y]) => ((at) => at && at[0] > 100 && at[0] < {SIZE[0]})(view?.screenPoint(x, y, 0))"
+        self.wait(lambda: self.draw() or self.value(f"{points}?.every({inside})"))
+        self.wait_for_image()
 
     def take(self, seconds: float = 1.0 / RATE) -> None:
         """Add the image of the page for that time."""
+        self.draw()
         jpeg = self.page.screenshot(type="jpeg", quality=92, timeout=120_000)
         image = simplejpeg.decode_jpeg(jpeg, "RGB")
         for _ in range(max(1, round(seconds * RATE))):
@@ -143,6 +166,7 @@ class Film:
         act()
         self.wait(lambda: self.value(edits) != before)
         self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
+        self.step(10, {})  # the LIDAR sees the new map
         self.wait_for_image()
         self.take(seconds)
 
@@ -158,20 +182,23 @@ class Film:
         self.point(*self.screen(*end), images=5)
         self.edit(self.page.mouse.up, 0.5)
 
+    def step(self, ticks: int, commands: dict[str, Command]) -> None:
+        """Let the simulation go on, until the page has its latest Frame."""
+        self.simulation.request(Step(ticks, commands)).result()
+        tick = self.simulation.frame.tick
+        self.wait(lambda: self.value("store.frame.value.tick") >= tick)
+
     def drive(self, seconds: float, command: Callable[[], Command], speed: float = 1.0) -> None:
-        """Let the car drive that long in the film, with the commands of each tick."""
-        ticks = round(speed * 100 / RATE)
+        """Let the car drive that long in the film, with commands at 25 Hz."""
+        count = round(speed * 100 / RATE / TICKS)
         for _ in range(round(seconds * RATE)):
-            for _ in range(ticks):
-                self.simulation.request(Step(1, {"V1": command()})).result()
-            tick = self.simulation.frame.tick
-            self.wait(lambda tick=tick: self.value("store.frame.value.tick") >= tick)
-            self.wait_for_image(1)
+            for _ in range(count):
+                self.step(TICKS, {"V1": command()})
             self.take()
 
 
 def gap_follower(simulation: Simulation) -> Callable[[], Command]:
-    """The race program of the examples, for the car on the small track."""
+    """The race program of the examples."""
     follow = runpy.run_path(str(HERE.parent / "examples" / "racing" / "follow_the_gap.py"))["command"]
 
     def command() -> Command:
@@ -179,8 +206,7 @@ def gap_follower(simulation: Simulation) -> Callable[[], Command]:
         if scan is None:
             return Command()
         angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-        throttle, steering = follow(scan.ranges, np.where(angles > math.pi, angles - 2.0 * math.pi, angles))
-        return Command(min(1.0, 12.0 * throttle), steering)
+        return Command(*follow(scan.ranges, angles))
 
     return command
 
@@ -213,7 +239,7 @@ def lane_follower(simulation: Simulation) -> Callable[[], Command]:
         bearing = math.atan2(goal[1] - y, goal[0] - x) - yaw
         curvature = 2.0 * math.sin(bearing) / math.hypot(goal[0] - x, goal[1] - y)
         is_red = any(one.state == TrafficLightState.RED for one in simulation.frame.traffic_lights.values())
-        throttle += max(-0.02, min(0.02, (0.0 if is_red and STOP[0] < y < STOP[1] and x < 0.1 else 0.8) - throttle))
+        throttle += max(-0.08, min(0.08, (0.0 if is_red and STOP[0] < y < STOP[1] and x < 0.1 else 0.8) - throttle))
         return Command(throttle, max(-1.0, min(1.0, math.atan(0.14154 * curvature) / math.radians(30.0))))
 
     return command
@@ -236,7 +262,7 @@ def town(film: Film) -> None:
     film.edit(lambda: page.get_by_test_id("build-template").select_option("empty"), 0.2)
     page.get_by_test_id("build-search").scroll_into_view_if_needed()
     page.evaluate("() => autodrive.view.showArea(-0.6, 0, 4.4)")
-    film.wait_for_image(3)
+    film.wait_for_image()
     film.take(1.0)
     film.caption("Take a piece, and click", 1.0)
     film.click("piece-four_way_intersection")
@@ -272,7 +298,7 @@ def town(film: Film) -> None:
     (light,) = simulation.frame.traffic_lights
     simulation.request(SetTrafficLight(light, TrafficLightState.RED)).result()
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
-    film.wait_for_image(3)
+    film.wait_for_image()
     film.caption("Drive: the car stops at the red light", 0.5)
     follow = lane_follower(simulation)
     film.drive(5.0, follow, speed=1.5)
@@ -284,14 +310,14 @@ def town(film: Film) -> None:
 def track(film: Film) -> None:
     """A race track by points, and a car that laps it with its LIDAR."""
     page, simulation = film.page, film.simulation
+    simulation.request(LoadScenario("practice")).result()
+    film.wait(lambda: film.value("store.scene.value.track_scene") is not None)
+    film.wait_for_image()
     film.caption("A race track: drag its points")
     film.click("build-button")
-    page.wait_for_timeout(500)
-    film.wait_for_image(3)
+    film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
     film.click("track-new")
-    film.wait(lambda: film.value("store.scene.value.track_scene") is not None)
-    page.wait_for_timeout(1500)
-    film.wait_for_image(3)
+    film.wait_for_track()
     film.take(1.0)
     for index, end in ((6, (0.0, 3.0)), (0, (0.0, -4.0)), (3, (12.5, 1.5))):
         x, y = film.value(f"store.scene.value.track_scene.line.points[{index}]")
@@ -300,13 +326,16 @@ def track(film: Film) -> None:
     x, y = film.value("store.scene.value.track_scene.line.points[8]")
     film.drag((x, y), (x + 2.5, y - 4.5))
     film.take(2.0)
-    film.click("build-undo")
-    film.take(1.0)
+    film.edit(lambda: film.click("build-undo"), 1.0)
+    film.caption("Walls or air ducts", 0.5)
+    barrier = page.get_by_test_id("track-barrier")
+    film.click_at(barrier)
+    film.edit(lambda: barrier.select_option("duct"), 2.0)
     film.caption("Drive: a script follows the gap with the LIDAR", 0.5)
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
-    film.wait_for_image(3)
-    film.drive(8.0, gap_follower(simulation), speed=3.0)
+    film.wait_for_image()
+    film.drive(16.0, gap_follower(simulation))
 
 
 def link(film: Film) -> None:
@@ -321,23 +350,24 @@ def link(film: Film) -> None:
     film.wait(lambda: page.get_by_test_id("map-link").is_visible())
     film.caption("Send the link", 3.0)
     address = page.get_by_test_id("map-link").inner_text()
-    simulation.request(LoadScenario("plane")).result()
+    simulation.request(LoadScenario("practice")).result()
     page.goto("about:blank")
     page.goto(address)
-    page.wait_for_function("() => window.autodrive?.store.scene.value?.track_scene && autodrive.view")
-    page.wait_for_timeout(1500)
-    film.wait_for_image(3)
+    page.wait_for_function("() => window.autodrive && window.drawFilm", polling=100)
+    film.wait_for_track()
     film.caption("Somebody else opens it in the page of a running simulator")
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
-    film.wait_for_image(3)
+    film.wait_for_image()
     film.caption("... and drives on your track", 0.2)
-    film.drive(6.0, gap_follower(simulation), speed=3.0)
+    film.drive(9.0, gap_follower(simulation))
+    film.caption("Build, in the toolbar of the page")
 
 
 def main() -> None:
     """Write the film."""
-    parts = [part for part in (town, track, link) if part.__name__ in (sys.argv[1:2] or ["town", "track", "link"])]
+    chosen = (sys.argv[1] if len(sys.argv) > 1 else "town,track,link").split(",")
+    parts = [part for part in (town, track, link) if part.__name__ in chosen]
     file = Path(sys.argv[2]) if len(sys.argv) > 2 else FILE
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
@@ -355,8 +385,8 @@ def main() -> None:
         page.add_init_script(OVERLAY)
         page.goto(f"{run.link}?quality=low#menu=0&hud=0")
         film = Film(page, stack.enter_context(Video(file, SIZE, RATE)), run.simulation)
-        film.wait(lambda: film.value("view") is not None)
-        film.wait_for_image(3)
+        film.wait(lambda: film.value("view && store.scene.value") is not None)
+        film.wait_for_image()
         film.caption("Your own town and track, in the browser", 3.0)
         for part in parts:
             part(film)

@@ -117,6 +117,20 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupSchedul
     return GroupScheduling(config, log)
 
 
+def marker_of(path: Path) -> str | None:
+    """Marker of all tests of a file or folder; None if there is none."""
+    file = path.relative_to(TESTS).as_posix() if path.is_relative_to(TESTS) else ""
+    return None if file in WITHOUT_TOOLCHAIN else MARKERS.get(file) or MARKERS.get(file.rpartition("/")[0])
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not import files whose tests are all left out by `-m "not MARKER and ..."`: each worker would."""
+    is_left_out = collection_path.is_file() and f"not {marker_of(collection_path)}" in config.option.markexpr.split(
+        " and "
+    )
+    return is_left_out or None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test by its directory, and put the slow groups first."""
     order = {group: rank for rank, group in enumerate(SLOWEST_FIRST)}
@@ -125,9 +139,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return order.get(group_of(item.path.relative_to(TESTS).as_posix()), len(order))
 
     for item in items:
-        file = item.path.relative_to(TESTS).as_posix()
-        marker = MARKERS.get(file) or MARKERS.get(file.rpartition("/")[0])
-        if marker is not None and file not in WITHOUT_TOOLCHAIN:
+        marker = marker_of(item.path)
+        if marker is not None:
             item.add_marker(marker)
     items.sort(key=rank)
 

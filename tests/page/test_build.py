@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright.sync_api import Dialog
 
 import autodrive
 from autodrive.base.yaml_files import read
-from autodrive.protocol.messages import EditMap, MapModule, MapWall, Pause
+from autodrive.protocol.messages import EditMap, EditTrack, MapModule, MapWall, Pause, TrackLine
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_access import wrong_targets
@@ -267,6 +268,63 @@ def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServe
     building.get("discard-dialog").wait_for()
     building.click("discard-dialog-cancel")
     assert plane.simulation.undo_name == "use the map oval"
+
+
+def test_the_browser_asks_before_unsaved_work_is_lost_and_a_reload_keeps_the_history(
+    plane: PageServer, building: Tab
+) -> None:
+    asked: list[str] = []
+
+    def stay(dialog: Dialog) -> None:
+        asked.append(dialog.type)
+        dialog.dismiss()
+
+    building.page.on("dialog", stay)
+    set_at(building, "straight_road", 0.0, 0.9)
+    building.page.close(run_before_unload=True)
+    building.wait_until(lambda: asked == ["beforeunload"])
+    assert {*parts(building)} == {"straight_road_1"}  # the tab is still there
+    building.page.remove_listener("dialog", stay)
+    building.page.on("dialog", lambda dialog: dialog.accept())
+    building.page.reload()
+    building.wait_until(lambda: building.value("store.scene.value") is not None)
+    begin(building)
+    wait_for_parts(building, "straight_road_1")
+    press(building, "Control+z")
+    wait_for_parts(building)
+    press(building, "Control+Shift+z")
+    wait_for_parts(building, "straight_road_1")
+
+
+def test_a_link_contains_a_town_of_150_modules(plane: PageServer, new_tab: NewTab) -> None:
+    places = {
+        f"road_{i}": MapModule("straight_road", 0.6 * (i % 15), 1.0 + 0.4 * (i // 15), 0.0, open=True)
+        for i in range(150)
+    }
+    plane.request(Pause())
+    plane.request(EditMap({**places}))
+    tab = opened(plane, new_tab)
+    wait_for_parts(tab, *places)
+    made = parts(tab)
+    tab.click("build-save")
+    tab.click("save-map-link")
+    tab.get("map-link").wait_for()
+    link = tab.text("map-link")
+    assert len(link) < 30_000
+    plane.restart("plane")
+    other = new_tab().open(link)
+    wait_for_parts(other, *places)
+    assert parts(other) == made
+
+
+def test_a_race_track_is_replaced_by_a_map_of_the_simulator(plane: PageServer, new_tab: NewTab) -> None:
+    plane.request(EditTrack(TrackLine(((0.0, -4.0), (6.0, 0.0), (0.0, 4.0), (-6.0, 0.0)))))
+    tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=low")
+    tab.click("build-button")
+    tab.wait_until(lambda: tab.value("store.scene.value.track_scene") is not None)
+    tab.get("build-template").select_option("oval")
+    tab.wait_until(lambda: tab.value("store.scene.value.map_scene") is not None and len(parts(tab)) == 11)
+    assert tab.get("piece-curved_road").is_visible()
 
 
 def test_a_finger_builds(plane: PageServer, new_tab: NewTab) -> None:

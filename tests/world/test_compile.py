@@ -111,6 +111,7 @@ def test_files_that_are_written_give_the_same_bits(folder: Path, tmp_path: Path)
     assert {*files_of(worlds[1].specs).values()} >= {*files.values()} - maps
 
 
+@pytest.mark.slow
 def test_a_campaign_changes_specs_without_the_files(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "driver.py").write_text(
         "from autodrive import Command\nclass Driver:\n    def reset(self, scene): pass\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -211,18 +211,45 @@ def test_a_car_that_is_pushed_or_placed_elsewhere_finds_its_way() -> None:
 # -- intersections -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_traffic_of_a_town_has_no_collisions_obeys_lights_and_moves_on(seed: int) -> None:
-    world = world_of(seed=seed)
-    way, stands, longest = np.zeros(12), np.zeros(12), np.zeros(12)
-    frame = world.frame
+class Drive(NamedTuple):
+    """What twelve cars of a town did in each tick."""
+
+    world: World
+    """At the end."""
+    events: list[Any]
+    speed: np.ndarray
+    """[m/s], shape (n_tick, 12), as the others."""
+    link: np.ndarray
+    at: np.ndarray
+    """On the link [m]."""
+    yaw: np.ndarray
+    indicators: np.ndarray
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def town(request: pytest.FixtureRequest) -> Drive:
+    """90 s, with that seed."""
+    world = world_of(seed=request.param)
+    names, drivers = traffic_of(world).names, traffic_of(world).drivers
+    events: list[Any] = []
+    rows = []
     for _ in range(9000):
         frame = world.step()
-        assert not frame.events
-        speed = world.compiled.state.vehicle_velocity[1:, 0]
-        way += speed * 0.01
+        events += frame.events
+        cars = [frame.vehicles[name] for name in names]
+        yaw = [yaw_from_quaternion(car.pose.orientation) for car in cars]
+        speed = world.compiled.state.vehicle_velocity[1:, 0].copy()
+        rows.append((speed, drivers.link.copy(), drivers.at.copy(), yaw, [car.lights.indicators for car in cars]))
+    return Drive(world, events, *(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def test_traffic_of_a_town_has_no_collisions_obeys_lights_and_moves_on(town: Drive) -> None:
+    stands, longest = np.zeros(12), np.zeros(12)
+    for speed in town.speed:
         stands = np.where(speed < 0.02, stands + 0.01, 0.0)
         longest = np.maximum(longest, stands)
+    assert town.events == []
+    way = town.speed.sum(axis=0) * 0.01
     assert way.min() > 5.0
     assert longest.max() < 60.0  # two cycles of the lights, with patience
 
@@ -364,31 +391,24 @@ def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:
     assert world.frame.vehicles["traffic_1"].speed > 0.1
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_indicators_say_where_a_car_turns(seed: int) -> None:
+def test_indicators_say_where_a_car_turns(town: Drive) -> None:
     """From 2.1 m before a turn until its end; against the heading before and after, and without a turn none."""
-    world = world_of(seed=seed)
     turned = {Indicators.LEFT: 0, Indicators.RIGHT: 0}
-    names = traffic_of(world).names
-    roads, drivers = traffic_of(world).roads, traffic_of(world).drivers
-    on_gate: dict[str, tuple[int, float, set[Indicators]]] = {}
-    for _ in range(6000):
-        frame = world.step()
-        for c, name in enumerate(names):
-            car, link = frame.vehicles[name], int(drivers.link[c])
+    roads = traffic_of(town.world).roads
+    for c in range(12):
+        before, first, shown = -1, 0.0, set[int]()
+        for tick, (link, at, yaw) in enumerate(zip(town.link[:, c], town.at[:, c], town.yaw[:, c], strict=True)):
             gate = link if link >= 0 and roads.is_gate[link] else -1
-            yaw = yaw_from_quaternion(car.pose.orientation)
-            before, first, shown = on_gate.get(name, (-1, yaw, set()))
             if gate != before:
                 if before >= 0:
                     ahead = roads.points[roads.point_first[before + 1] - 1, 2:]
                     angle = math.remainder(math.atan2(ahead[1], ahead[0]) - first, 2.0 * math.pi)
                     want = Indicators.LEFT if angle > 0.8 else Indicators.RIGHT if angle < -0.8 else Indicators.OFF
-                    assert shown == {want}, (name, angle, shown)
+                    assert shown == {want}, (c, angle, shown)
                     turned[want] = turned.get(want, 0) + 1
-                on_gate[name] = gate, yaw, set()
-            elif gate >= 0 and drivers.at[c] < 0.9 * roads.length[gate]:
-                shown.add(car.lights.indicators)
+                before, first, shown = gate, yaw, set()
+            elif gate >= 0 and at < 0.9 * roads.length[gate]:
+                shown.add(town.indicators[tick, c])
     assert turned[Indicators.LEFT] > 2
     assert turned[Indicators.RIGHT] > 2
     assert turned[Indicators.OFF] > 2

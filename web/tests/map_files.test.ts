@@ -4,6 +4,7 @@ import { Actions } from '../src/actions'
 import { Builder } from '../src/building/builder'
 import { type AskPicture, linkWith, MAX_LINK, openMapFiles, packed, unpacked } from '../src/building/map_files'
 import { UserFiles } from '../src/building/user_files'
+import { saveMap } from '../src/panels/save_dialog'
 import { connectedPage, sceneOf } from './support'
 
 /** The map of 150 modules, at different places. */
@@ -13,6 +14,7 @@ const TOWN = `title: Town\nplacements:\n${Array.from(
     `- {name: straight_road_${i}, module: straight_road, x: ${(0.6 * i).toFixed(6)}, y: ${Math.sin(i).toFixed(6)}, yaw_deg: ${(i * 37) % 360}}\n`,
 ).join('')}`
 
+beforeEach(() => document.body.replaceChildren())
 beforeEach(() => history.replaceState(null, '', location.pathname + location.search))
 afterEach(() => vi.restoreAllMocks())
 
@@ -24,7 +26,7 @@ function page(mayDiscard = () => Promise.resolve(true)) {
   const openText = vi.spyOn(userFiles, 'open').mockResolvedValue(true)
   const ask = vi.fn<AskPicture>().mockResolvedValue(true)
   const open = openMapFiles(it.store, builder, userFiles, mayDiscard, ask)
-  return { ...it, use, openText, ask, open }
+  return { ...it, builder, userFiles, use, openText, ask, open }
 }
 
 function drop(...files: File[]): void {
@@ -39,6 +41,41 @@ test('a map of 150 modules fits into a link and comes back', async () => {
   expect(link).toMatch(/#own_map=[\w.-]+$/)
   expect(await unpacked(link?.split('=')[1] ?? '')).toBe(TOWN)
   expect(await unpacked(await packed('title: Ä €'))).toBe('title: Ä €')
+})
+
+test('a map that is too large for a link is saved as a file', async () => {
+  const text = [...crypto.getRandomValues(new Uint8Array(MAX_LINK))].join(' ')
+  expect(await linkWith(text)).toBeNull()
+  const { store, builder, userFiles } = page()
+  vi.spyOn(builder, 'text').mockResolvedValue(text)
+  const get = (id: string) => document.querySelector<HTMLElement>(`[data-testid='${id}']`)
+  const isSaved = saveMap(store, builder, userFiles, () => Promise.resolve(false))
+  get('save-map-link')?.click()
+  await vi.waitFor(() => expect(get('link-dialog')?.textContent).toContain('too large for a link'))
+  get('link-dialog-cancel')?.click()
+  expect(await isSaved).toBe(false)
+})
+
+test('the name of a file follows the title until the user changes it', async () => {
+  const { store, builder, userFiles } = page()
+  const isSaved = saveMap(store, builder, userFiles, () => Promise.resolve(false))
+  const [title, name] = ['save-title', 'save-name'].map(
+    (id) => document.querySelector(`[data-testid='${id}']`) as HTMLInputElement,
+  )
+  const enter = (field: HTMLInputElement, text: string): void => {
+    field.value = text
+    field.dispatchEvent(new Event('input'))
+  }
+  expect(name.value).toBe('my_map')
+  enter(title, ' Café, lap 2! ')
+  expect(name.value).toBe('caf_lap_2')
+  enter(title, '町')
+  expect(name.value).toBe('caf_lap_2')
+  name.value = 'mine'
+  enter(title, 'Yours')
+  expect(name.value).toBe('mine')
+  document.querySelector<HTMLElement>("[data-testid='save-map-cancel']")?.click()
+  expect(await isSaved).toBe(false)
 })
 
 test('a link that was cut or changed gives nothing', async () => {

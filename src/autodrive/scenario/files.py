@@ -106,6 +106,12 @@ def read_map(
     return _with_modules(map_, placements), lines
 
 
+@functools.cache
+def map_titles() -> dict[str, str]:
+    """Maps of the simulator to build from: name -> title."""
+    return yaml_files.titles("map", MapSpec)
+
+
 def read_module(name: str | Path) -> Described[ModuleSpec]:
     """What the file of a module says."""
     try:

@@ -247,6 +247,7 @@ def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
     wait_until(lambda: not server.clients)
 
 
+@pytest.mark.slow
 def test_the_server_closes_soon_although_a_client_does_not_read() -> None:
     simulation = Simulation(autodrive.make("plane"), speed=None)
     server = Server(Served(simulation, scene_files), PageOptions(port=free_port()))

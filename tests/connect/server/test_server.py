@@ -312,6 +312,7 @@ def test_scene_cameras_are_rendered_for_other_clients(gl: str, one: NativeClient
     assert "Rendered" not in seen[10:]
 
 
+@pytest.mark.slow
 def test_scene_cameras_continue_in_another_scenario(gl: str) -> None:
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}

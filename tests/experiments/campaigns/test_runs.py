@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pyarrow
 import pytest
-import scipy.stats
 from pyarrow import parquet
 
 from autodrive import CommandError, SnapshotError, make
@@ -133,6 +132,7 @@ def test_latency_and_arguments_of_the_driver_need_no_other_world(campaign: Make)
     assert len(worlds) == 1
 
 
+@pytest.mark.slow
 def test_what_decides_a_result_is_in_its_key(campaign: Make, tmp_path: Path) -> None:
     small: dict[str, Any] = {"samples": {"method": "sobol", "count": 1}, "seeds": 1}
     run_campaign(campaign(**small), tmp_path / "one", workers=0)
@@ -413,7 +413,9 @@ def test_runs_that_differ_in_a_seed_without_effect_count_once(campaign: Make, tm
     one = campaign()  # the driver reads nothing that has noise
     outcome = run_campaign(one, tmp_path / "out", workers=0)
     distance = [row["distance"] for row in rows(outcome.folder) if row["seed"] == 0]
-    interval = scipy.stats.t.interval(0.95, 7, np.mean(distance), scipy.stats.sem(distance))
+    from scipy import stats  # here: each worker collects this file, and the import takes a second
+
+    interval = stats.t.interval(0.95, 7, np.mean(distance), stats.sem(distance))
     summary = outcome.summary
     assert summary["seed_changes_results"] is False
     assert summary["rows"] == 16

@@ -148,6 +148,7 @@ def test_a_network_with_a_score_for_each_choice_takes_the_best(
     assert chosen.tolist() == scores(weights, seen).argmax(axis=1).tolist()
 
 
+@pytest.mark.slow
 def test_a_network_drives_through_the_crossing_with_the_same_bits_in_one_world_and_in_many(tmp_path: Path) -> None:
     policy = foreign_team(ForeignPolicy(polite(tmp_path / "polite.onnx"), "crossing"))
     assert drive(policy, 3, seed=5).is_success.all()

@@ -171,6 +171,7 @@ def test_the_lessons_of_a_guarded_driver_change_the_actor_only() -> None:
     assert teacher.outputs(raw) == pytest.approx(np.clip(np.asarray(lesson)[alone], -1.0, 1.0), abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 def test_a_guarded_car_can_brake_behind_its_rival_and_steers_beside_a_slow_one(turn: float) -> None:
     """The rival, at the speed `pace`, is `ahead` of the car and to the `left` of it, at the same heading."""
@@ -258,6 +259,7 @@ def test_the_risk_of_known_rates_is_found() -> None:
     assert slowness == pytest.approx(expected, abs=0.02)
 
 
+@pytest.mark.slow
 def test_what_learns_a_pace_estimates_as_the_policy_does() -> None:
     import jax  # as above
 

@@ -20,6 +20,7 @@ from tests.support.command_line import refused
 from tests.support.waiting import free_port
 
 
+@pytest.mark.slow
 def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
     """The share that the documentation states over 1,000 episodes, less three standard deviations of 100 episodes."""
     team = learnt_team(Policy.find("crossing"))
@@ -68,7 +69,7 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
 
         return act
 
-    ends = [show(Team(task, start), 1, seed, mode=None) for seed in range(6)]
+    ends = [show(Team(task, start), 1, seed, mode=None) for seed in (1, 2, 3, 5)]  # with others it drives past
     hits = [one for one in ends if one.has_collided.all()]
     assert hits
     for one in hits:

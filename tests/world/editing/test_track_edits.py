@@ -173,6 +173,7 @@ def test_the_text_of_a_track_is_used_and_a_map_follows_a_track() -> None:
     again = building.world.map.track
     assert again is not None
     assert all(np.array_equal(a, b) for a, b in zip(again.walls, first.walls, strict=True))
+    assert "mini_map" in building.track.templates
     building.ask(UseMap("mini_map"))
     assert track_scene(building.world) is None
     building.ask(Undo())
@@ -206,6 +207,7 @@ def test_a_box_in_the_way_is_named() -> None:
     assert building.track.is_exact
 
 
+@pytest.mark.slow
 def test_a_recording_of_edits_is_simulated_again(tmp_path: Path) -> None:
     building = TrackBuilding()
     path = tmp_path / "run.mcap"

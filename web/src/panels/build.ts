@@ -329,7 +329,7 @@ function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscar
     'aria-label': 'Start from a map',
   })
   store.scene.watch((scene) => {
-    const templates = scene?.map_scene?.templates ?? {}
+    const templates = (scene?.map_scene ?? scene?.track_scene)?.templates ?? {}
     setOptions(select, { '': 'Choose a map', ...templates })
     select.value = ''
   })
@@ -357,7 +357,10 @@ function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscar
 
 /** The problem without the advice for a file. */
 function shortened(text: string): string {
-  return text.replace(/^placement \d+ '(.+?)': /, '$1: ').replace(/ Place a module with a port at .*$/s, '')
+  return text
+    .replace(/^placement \d+ '(.+?)': /, '$1: ')
+    .replace(/placement \d+ (?=')/g, '')
+    .replace(/ Place a module with a port at .*$/s, '')
 }
 
 function words(name: string): string {

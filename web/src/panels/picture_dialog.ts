@@ -175,7 +175,7 @@ export function askPicture(
   }
 
   canvas.style.aspectRatio = `${picture.width} / ${picture.height}`
-  canvas.style.maxWidth = `calc(32vh * ${picture.width / picture.height})`
+  canvas.style.maxWidth = `calc(var(--picture-height) * ${picture.width / picture.height})`
   document.body.append(dialog)
   dialog.showModal()
   const stop = sheet.watch(show)

@@ -3,7 +3,7 @@ import type { Builder } from '../building/builder'
 import { linkWith } from '../building/map_files'
 import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
-import { scenarioTitle, stem } from '../scenario_title'
+import { fileName, scenarioTitle, stem } from '../scenario_title'
 import type { Store } from '../store'
 import { h } from './element'
 import { ask, type Choice } from './question'
@@ -90,9 +90,14 @@ export async function saveMap(
   saveWithVehicles: () => Promise<boolean>,
 ): Promise<boolean> {
   const { fields, title, name } = named('My map', 'my_map')
+  let given = name.value
+  title.addEventListener('input', () => {
+    // the name follows the title until the user changes it
+    if (name.value === given) name.value = given = fileName(title.value) || given
+  })
   const problems = builder.problemCount
-  const note =
-    problems > 0 && h('p', {}, `${problems} problems are left. The file says that the map is a draft; it can be run.`)
+  const left = problems === 1 ? '1 problem is left.' : `${problems} problems are left.`
+  const note = problems > 0 && h('p', {}, `${left} The file says that the map is a draft; it can be run.`)
   const choices: Choice[] = [
     ['link', 'Link'],
     ['export', 'Export for ROS'],

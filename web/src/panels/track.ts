@@ -24,7 +24,10 @@ export function track(store: Store, builder: TrackBuilder, view: () => SceneView
     elements[0].closest('.build')?.toggleAttribute('data-track', isTrack)
   }
   store.scene.watch(show)
-  store.isBuilding.watch(show)
+  store.isBuilding.watch((isBuilding) => {
+    show()
+    if (isBuilding) showAll()
+  })
   return elements
 }
 
@@ -90,7 +93,8 @@ function faults(store: Store, builder: TrackBuilder, view: () => SceneView | nul
           builder.selected.value = fault.point
           view()?.lookAt(...fault.at)
         }
-        const item = h('li', {}, h('span', {}, faultText(fault)), h('button', { onclick: look }, 'Show me'))
+        const row = h('div', { class: 'row' }, h('button', { onclick: look }, 'Show me'))
+        const item = h('li', {}, h('span', {}, faultText(fault)), row)
         item.dataset.kind = fault.kind
         return item
       }),

@@ -57,11 +57,16 @@ export class EditCamera {
     target.y = y
   }
 
-  /** Looks at an area of the ground around a point, from the south; its width along x [m]. */
-  showArea(x: number, y: number, width: number): void {
+  /** Looks at an area of the ground around a point, from the south; its width along x [m]. Also where the mode starts.
+   *
+   * `covered`: share of the window at the left that a panel covers.
+   */
+  showArea(x: number, y: number, width: number, covered: number): void {
+    this.isOpen = true
     const slope = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(this.camera.aspect, 16 / 9)
     const distance = Math.min(width / (2 * SHARE * slope), 0.95 * FARTHEST)
     const scale = distance / Math.hypot(SOUTH, ABOVE)
+    x -= (Math.max(0, covered - 0.5 * (1 - SHARE)) * width) / SHARE
     this.controls.target.set(x, y, 0)
     this.camera.position.set(x, y - scale * SOUTH, scale * ABOVE)
   }

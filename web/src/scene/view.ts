@@ -68,6 +68,8 @@ const SETTLING = 0.5
 const SLOW_IMAGE = 0.05
 /** First distance of the camera in Build mode; 1: that of Edit mode. */
 const BUILD_DISTANCE = 1.8
+/** Between a panel and what is shown beside it [CSS pixels]. */
+const GAP = 20
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
 const TOO_SLOW = 'This computer renders slowly. The simulator renders the scene.'
 
@@ -167,7 +169,10 @@ class View implements SceneView {
   }
 
   showArea(x: number, y: number, width: number): void {
-    this.editCamera.showArea(x, y, width)
+    const { width: all } = this.canvas.getBoundingClientRect()
+    const panel = document.querySelector('.panel.edit:not([hidden])')?.getBoundingClientRect()
+    const isBeside = panel && panel.right < all / 2
+    this.editCamera.showArea(x, y, width, isBeside ? (panel.right + GAP) / all : 0)
   }
 
   zoomEdit(clicks: number): void {

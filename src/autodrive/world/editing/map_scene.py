@@ -16,7 +16,7 @@ from autodrive.base.units import DEGREE
 from autodrive.protocol import native
 from autodrive.protocol.messages import MapModule, MapPart
 from autodrive.protocol.native import MapPort, MapScene, ModuleScene
-from autodrive.scenario.files import read_map, read_module
+from autodrive.scenario.files import map_titles, read_map, read_module
 from autodrive.scenario.maps.draw import to_svg
 from autodrive.scenario.maps.map import Map, compile_map
 from autodrive.scenario.maps.module import ModuleSpec
@@ -47,14 +47,9 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
         problems=[_problem(one, world.map, spec, parts) for one in problems],
         modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.found},
         props=list(_kinds()),
-        templates=_templates(),
+        templates=map_titles(),
         advice=map_advice(world),
     )
-
-
-@functools.cache
-def _templates() -> dict[str, str]:
-    return yaml_files.titles("map", MapSpec)
 
 
 def _kinds() -> Iterator[str]:

@@ -14,6 +14,7 @@ from autodrive.protocol.messages import MAX_TEXT, EditTrack, GenerateTrack, Trac
 from autodrive.protocol.native import MapProblem, TrackScene
 from autodrive.protocol.own_files import ImportTrack
 from autodrive.scenario.descriptions import Specs
+from autodrive.scenario.files import map_titles
 from autodrive.scenario.maps.spec import DescribedMap
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.importer import ImportOptions, import_picture
@@ -99,7 +100,7 @@ def track_scene(world: World) -> TrackScene | None:
         MapProblem(one.kind, joined([one.text], {})[0], *(one.at or (0.0, 0.0)), [], {})
         for one in world.compiled.map_problems
     ]
-    return TrackScene(line, bool(spec.points), found)
+    return TrackScene(line, bool(spec.points), found, map_titles())
 
 
 @functools.lru_cache(maxsize=8)
