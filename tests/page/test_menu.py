@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from autodrive.protocol.messages import Reset, SetDrivingMode, SetWeather
+from autodrive.protocol.messages import Reset, SetDrivingMode, SetTimeOfDay, SetWeather, Weather
+from tests.support.command_line import call
 from tests.support.page import PageServer, Tab
 
 
@@ -77,5 +78,18 @@ def test_weather_and_time_of_day_are_set_with_the_keyboard(tab: Tab, plane: Page
     tab.wait_until(lambda: tab.value("store.frame.value.time_of_day") == 60 * (12 * 60 + 15))
     assert tab.get("time-of-day").get_attribute("aria-valuetext") == "12:15"
     assert tab.value("store.frame.value.weather.rain") == 0.8
+    plane.request(SetWeather())
+    plane.request(Reset())
+
+
+def test_the_page_shows_the_lines_that_the_command_prints(tab: Tab, plane: PageServer) -> None:
+    printed = call("weather", "rain=0.6", "time=18:30").stdout.rstrip("\n")
+    assert "stops from 8 m/s" in printed
+    tab.show("menu")
+    plane.request(SetWeather(Weather(rain=0.6, wetness=1.0, snow_cover=0.0)))
+    plane.request(SetTimeOfDay(18.5 * 3600.0))
+    tab.wait_until(lambda: tab.get("weather-lines").text_content() == printed)
+    plane.request(SetWeather(Weather(wetness=0.0, snow_cover=0.0)))
+    tab.wait_until(lambda: not tab.get("weather-lines").is_visible())
     plane.request(SetWeather())
     plane.request(Reset())

@@ -75,10 +75,12 @@ describe('the menu', () => {
     expect(socket.request).toEqual({ type: 'SetWeather', weather: { ...clear, clouds: 1, rain: 0.8 } })
     const effects = { grip: 0.706, sight: 1186, lidar_dark: 8.65, lidar_bright: 12 }
     const weather = { ...clear, clouds: 1, rain: 0.8, wetness: 1, snow_cover: 0 }
+    store.isMenuOpen.value = true
     store.frame.value = frameOf(['V1'], { weather, weather_effects: effects })
     expect(get('weather-numbers').textContent).toBe(
-      'Grip 0.71, stops in 1.4 times the dry distance, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
+      'Grip 0.71, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
+    expect(socket.request).toEqual({ type: 'DescribeWeather' })
     expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')
     expect(get('weather-sunny').getAttribute('aria-pressed')).toBe('false')
     const intensity = get<HTMLInputElement>('weather-intensity')

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
-
-BRAKING = {"nigel": 0.4, "roboracer": 8.0}
-"""Vehicles whose stopping distances are printed, and their speeds [m/s]."""
-LONGEST = 60.0
-"""A vehicle has stopped after this time [s]."""
-FAR = 1000.0
-"""A longer sight is not printed [m]."""
 
 
 def weather(
@@ -28,25 +20,13 @@ def weather(
 ) -> None:
     """Print what a weather means in numbers on asphalt: grip, stopping distances, ranges of the LIDARs, sight."""
     from autodrive.protocol.messages import Weather
-    from autodrive.world.compile import weather_effects
+    from autodrive.scenario import ScenarioSpec
     from autodrive.world.factory import make
+    from autodrive.world.weather_numbers import weather_numbers
 
-    start = environment(values)
-    world = make(_plane([*BRAKING], start))
-    now = world.weather or Weather()
-    typer.echo(f"ground         wetness {now.wetness or 0.0:.2f}, snow cover {now.snow_cover or 0.0:.2f}")
-    far = math.inf
-    for (name, speed), spec in zip(BRAKING.items(), world.vehicle_specs.values(), strict=True):
-        effects = weather_effects(now, world.map.ground, spec)
-        stopping = f"stops from {speed:g} m/s in {_stopping_distance(name, speed, start):.3g} m"
-        typer.echo(f"{name:<14} grip {effects.grip:.2f}, {stopping}")
-        typer.echo(
-            f"{'':<14} LIDAR {effects.lidar_dark:.1f} m at 10 % and {effects.lidar_bright:.1f} m at 80 % reflectivity"
-        )
-        far = effects.sight
-    typer.echo("sight          " + (f"{far:.0f} m" if far < FAR else f"more than {FAR:.0f} m"))
-    if world.time_of_day is not None:
-        typer.echo(f"light          {'day' if world.scene_light else 'night'}")
+    world = make(ScenarioSpec(map="plane", **environment(values)))
+    is_day = None if world.time_of_day is None else world.scene_light
+    typer.echo(weather_numbers(world.weather or Weather(), world.map.ground, is_day=is_day))
 
 
 def environment(values: Sequence[str]) -> dict[str, Any]:
@@ -74,23 +54,3 @@ def environment(values: Sequence[str]) -> dict[str, Any]:
             amounts[name] = amount
     spec = checked({**found, "weather": amounts}, ScenarioSpec)
     return {name: getattr(spec, name) for name in (*found, *(["weather"] if amounts else []))}
-
-
-def _plane(vehicles: Sequence[str], start: dict[str, Any]) -> Any:
-    from autodrive.scenario import ScenarioSpec, VehiclePlacement
-
-    placed = {f"V{n}": VehiclePlacement(type=name, y=2.0 * n) for n, name in enumerate(vehicles, 1)}
-    return ScenarioSpec(map="plane", vehicles=placed, **start)
-
-
-def _stopping_distance(vehicle: str, speed: float, start: dict[str, Any]) -> float:
-    """Of a vehicle that rolls at that speed and brakes [m], simulated."""
-    import numpy as np
-
-    from autodrive.world.batch import BatchWorld
-
-    batch = BatchWorld(_plane([vehicle], start), 1, threads=1)
-    before = batch.reset(motions={"V1": (speed, 0.0, 0.0, 0.0, 0.0)}).position[0, 0].copy()
-    readings = batch.step(np.zeros((1, 1, 2)), round(LONGEST / batch.tick_duration))
-    batch.close()
-    return float(np.linalg.norm(readings.position[0, 0, :2] - before[:2]))

@@ -145,8 +145,19 @@ class ViewSensor(msgspec.Struct, frozen=True, tag=True):
     rate: float = 5.0
 
 
+class DescribeWeather(msgspec.Struct, frozen=True, tag=True):
+    """What the present weather means in numbers: the `text` of the Response, as `autodrive weather` prints it."""
+
+
 ServerOperation: TypeAlias = (
-    Operation | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | RecordingOperation | FileOperation
+    Operation
+    | ConnectBridge
+    | DisconnectBridge
+    | SetCamera
+    | ViewSensor
+    | DescribeWeather
+    | RecordingOperation
+    | FileOperation
 )
 """All operations that a client can request."""
 

@@ -18,7 +18,7 @@ from autodrive.graphics.cameras.viewpoints import drivers_eye
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import rigid
-from autodrive.graphics.render.strokes import CHARACTER, LINE, Strokes, dots, letters, lines, spread
+from autodrive.graphics.render.strokes import CHARACTER, LEAST, LINE, Strokes, dots, letters, lines, spread
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
@@ -182,10 +182,11 @@ def test_names_of_axes_do_not_cover_each_other_in_any_view(world: World) -> None
         look = SetCamera("Orbit", axes=True, distance=0.8, elevation=elevation, azimuth=azimuth)
         eye = camera.viewpoint(look, world.frame, 0.0).view(1280, 720)
         seen_from_map = np.linalg.inv(rigid(eye.position, eye.orientation) @ np.diag([1.0, -1.0, -1.0, 1.0]))
-        put = spread(drawn.shown, seen_from_map)
+        put = spread(drawn.shown, seen_from_map, 1.0 / eye.intrinsics.fy)
         assert np.array_equal(put[~letter], drawn.shown[~letter])
         x, y, z = (put["begin"][letter] @ seen_from_map[:3, :3].T + seen_from_map[:3, 3]).T
-        size, place, up = put["shape"][letter, 1], put["shape"][letter, 2], put["end"][letter, 1]
+        place, up = put["shape"][letter, 2], put["end"][letter, 1]
+        size = np.maximum(put["shape"][letter, 1], LEAST * -z / eye.intrinsics.fy)
         at = np.column_stack(((x + 0.5 * size * place) / -z, (y + size * up) / -z))
         half = np.column_stack((0.25 * size / -z, 0.5 * size / -z))
         gap = np.abs(at[:, None] - at[None]) - (half[:, None] + half[None])

@@ -28,11 +28,14 @@ const SPEEDS = [
 ] as const
 /** Colours of the ring of the dial. */
 const COLOURS = 72
+/** Least time between two requests for the lines of the weather [ms]. */
+const PAUSE = 500
 /** A slider shows what the user has set for so long [ms]. */
 const REST = 700
 
 export function weather(store: Store, actions: Actions): HTMLElement {
   const numbers = h('p', { class: 'note', testid: 'weather-numbers', role: 'status' })
+  const lines = h('p', { class: 'note lines', testid: 'weather-lines', hidden: true })
   const presets = segments(
     'weather',
     'Weather',
@@ -65,6 +68,8 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   let before: Frame | null = null
   let seen = ''
   let painted = ''
+  let described = ''
+  let askedAt = -PAUSE
   let current: Weather = WEATHERS.sunny
 
   /** Sets a weather; only a preset ends a state of the ground that a script holds. */
@@ -86,7 +91,22 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     const isFixed = frame?.time_of_day == null
     clock.show(isFixed ? (frame?.scene_light === false ? 0 : DAY / 2) : (frame.time_of_day ?? 0) / 60, !isFixed)
     showSpeed(frame)
+    describe(frame)
     paint()
+  }
+
+  /** Shows the lines of `autodrive weather`, which the simulator makes, after each change of the weather. */
+  function describe(frame: Frame | null): void {
+    const state = frame?.weather ? `${inNumbers(frame.weather_effects, frame.weather)} ${frame.scene_light}` : ''
+    if (!state) lines.hidden = true
+    if (state === described || performance.now() - askedAt < PAUSE || !store.isMenuOpen.value) return
+    described = state
+    if (!state || store.status.value?.position != null) return // a replay has no simulation
+    askedAt = performance.now()
+    void actions.attempt({ type: 'DescribeWeather' }).then(({ text }) => {
+      setText(lines, text ?? '')
+      lines.hidden = !text
+    })
   }
 
   /** Shows how fast the time of day passes, from Frames: another client may have set it. */
@@ -127,6 +147,7 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     labelled('Intensity', intensity),
     h('div', { class: 'day' }, clock.element, speeds.element),
     numbers,
+    lines,
     more,
   )
   element.classList.add('live') // it has no effect in a replay, which hides it
@@ -185,11 +206,10 @@ function near(a: number, b: number): boolean {
   return Math.abs(a - b) < 1e-6
 }
 
-/** For example 'Grip 0.71, stops in 1.4 times the dry distance, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
+/** For example 'Grip 0.71, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
 export function inNumbers(effects: WeatherEffects | null, weather: Weather): string {
   if (!effects) return 'Clear: full grip, full range, full sight'
   const parts = [`Grip ${effects.grip.toFixed(2)}`]
-  if (effects.grip < 0.995) parts.push(`stops in ${(1 / effects.grip).toFixed(1)} times the dry distance`) // v² / 2µg
   const ranges = [effects.lidar_dark, effects.lidar_bright].map((range) => range?.toFixed(1))
   if (effects.lidar_dark !== null) parts.push(`LIDAR ${ranges[0]} m at 10 % and ${ranges[1]} m at 80 % reflectivity`)
   parts.push(effects.sight < 1000 ? `sight ${effects.sight.toFixed(0)} m` : 'sight more than 1000 m')

@@ -23,7 +23,9 @@ import VERTEX from '../../../src/autodrive/graphics/render/shaders/strokes.vert?
 
 /** Columns and rows of the image with the characters, as in the shader, and size of one [pixels]; characters beyond them are squares. */
 const [COLUMNS, ROWS, WIDTH, HEIGHT] = [32, 16, 32, 64]
-const OUTLINE = 10
+const OUTLINE = 8
+/** Least height of a text that is also seen behind other things [pixels]. */
+const LEAST = 12
 const [POINT, LINE, CHARACTER] = [0, 1, 2]
 const NO_CHARACTER = '\u25a1'
 
@@ -32,7 +34,11 @@ export class Strokes {
   readonly mesh: Mesh
   private readonly geometry = new InstancedBufferGeometry()
   private all: readonly Primitive[] = []
-  private readonly uniforms = { image: { value: new Vector2(1, 1) }, characters: { value: characters().texture } }
+  private readonly uniforms = {
+    image: { value: new Vector2(1, 1) },
+    characters: { value: characters().texture },
+    least: { value: 0 },
+  }
   private readonly material = new ShaderMaterial({
     ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3, uniforms: this.uniforms },
     ...{ transparent: true, depthWrite: false },
@@ -47,6 +53,7 @@ export class Strokes {
     this.geometry.setAttribute('position', new BufferAttribute(corners, 3))
     this.geometry.setIndex([0, 1, 2, 0, 2, 3])
     this.material.depthTest = !isSeenThrough
+    this.uniforms.least.value = isSeenThrough ? LEAST : 0
     this.mesh = new Mesh(this.geometry as BufferGeometry, this.material)
     this.mesh.frustumCulled = false
     this.mesh.renderOrder = isSeenThrough ? 22 : 13
@@ -81,14 +88,16 @@ export class Strokes {
     this.mesh.updateMatrixWorld()
     camera.updateMatrixWorld()
     const texts = []
+    const least = (2 * this.uniforms.least.value) / (camera.projectionMatrix.elements[5] * this.uniforms.image.value.y)
     for (let first = 0, count = 1; first < this.all.length; first += count) {
       const { begin, shape } = this.all[first]
-      const [kind, height, place] = shape
+      const [kind, size, place] = shape
       count = kind === CHARACTER ? Math.round(1 - 2 * place) : 1 // the first of n letters is at -(n - 1) / 2
       const { x, y, z } = seen
         .fromArray([...begin])
         .applyMatrix4(this.mesh.matrixWorld)
         .applyMatrix4(camera.matrixWorldInverse)
+      const height = Math.max(size, least * -z)
       const box = { x: x / -z, y: y / -z, wide: (0.25 * count * height) / -z, high: (0.5 * height) / -z }
       if (kind === CHARACTER && z < 0) texts.push({ first, count, box })
     }

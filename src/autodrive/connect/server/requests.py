@@ -25,8 +25,17 @@ from autodrive.protocol.messages import (
     SaveScenario,
     Step,
     UseMap,
+    Weather,
 )
-from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera, ViewSensor
+from autodrive.protocol.native import (
+    ConnectBridge,
+    DescribeWeather,
+    DisconnectBridge,
+    Error,
+    Request,
+    SetCamera,
+    ViewSensor,
+)
 from autodrive.protocol.own_files import ExportMap, ImportTrack, ListFiles, OpenFile, OwnFile, SaveFile
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
@@ -117,6 +126,9 @@ class Requests:
         self._own_files = served.own_files
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
+        self._weather_lock = asyncio.Lock()
+        self._described: tuple[object, str] = (None, "")
+        """The weather, ground and light that were described last, and the text."""
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
@@ -138,6 +150,8 @@ class Requests:
         was_idle = queue.is_idle
         if error := self._refusal(request.operation) or self._unknown(request.operation):
             client.send_error(Error("request", error, request.id))
+        elif isinstance(request.operation, DescribeWeather):
+            self._describe_weather(client, request.id)
         elif not queue.add(request, size):
             text = (
                 f"more than {MAX_PENDING} requests, or {MAX_PENDING_BYTES >> 20} MiB, are pending: wait for a Response"
@@ -219,6 +233,8 @@ class Requests:
                         self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
                         self._on_change()
                     self._keep(asyncio.create_task(self._submit_prepared(turn, operation)))
+                case DescribeWeather():
+                    raise AssertionError("it is answered beside the queue")
                 case operation:
                     self._is_busy = True
                     self._submit(turn, operation)
@@ -383,6 +399,34 @@ class Requests:
                     return Answer(await asyncio.to_thread(self._recording.stop))
                 case SaveRecording():
                     return Answer(await asyncio.to_thread(self._recording.save))
+
+    def _describe_weather(self, client: ConnectedClient, id: int) -> None:
+        """Beside the queue: the first answer takes a second, for which the next weather must not wait."""
+        if len(self._tasks) >= MAX_PENDING:
+            client.send_error(Error("rate", "too many requests are pending: wait for a Response", id))
+            return
+
+        async def answer() -> None:
+            async with self._weather_lock:
+                try:
+                    text = await asyncio.to_thread(self._weather_text, self._broadcast.latest)
+                except Exception as error:
+                    log.exception("server: a weather could not be described")
+                    client.send_error(Error("request", str(error), id))
+                else:
+                    client.respond(id, self._broadcast.latest, *Answer(text))
+
+        self._keep(asyncio.create_task(answer()))
+
+    def _weather_text(self, frame: Frame) -> str:
+        """In another thread, one at a time; it is made once for each weather."""
+        from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
+
+        is_day = None if frame.time_of_day is None else frame.scene_light
+        weather, ground = frame.weather or Weather(), self._simulation.world.map.ground
+        if (weather, ground, is_day) != self._described[0]:
+            self._described = (weather, ground, is_day), weather_numbers(weather, ground, is_day=is_day)
+        return self._described[1]
 
     def _file_answer(self, operation: ListFiles | SaveFile | ExportMap) -> Answer:
         """In another thread: the world that it sees is the present one."""

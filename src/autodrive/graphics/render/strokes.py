@@ -25,8 +25,10 @@ STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("sh
 POINT, LINE, CHARACTER = 0, 1, 2
 COLUMNS, ROWS, WIDTH, HEIGHT = 32, 16, 32, 64
 """Of the image with the characters, and of one [pixels]."""
-OUTLINE = 10
+OUTLINE = 8
 """Of each character, against a bright ground [pixels]."""
+LEAST = 12.0
+"""Texts that are drawn over everything have at least this height [pixels]."""
 NO_CHARACTER = "□"
 """In the place of characters for which the image has no room."""
 
@@ -58,9 +60,10 @@ def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArra
     return out
 
 
-def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating]) -> NDArray[np.void]:
-    """The same with each text moved up in the image until it covers none below it; `seen_from_map`: y up, z backward.
+def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating], pixel: float) -> NDArray[np.void]:
+    """The same with each text moved up in the image until it covers none below it.
 
+    `seen_from_map`: to the axes of the camera, y up and z backward; `pixel`: size of a pixel at a distance of 1 m [m].
     `web/src/scene/strokes.ts` has the same rule.
     """
     moved, i = strokes.copy(), 0
@@ -71,7 +74,7 @@ def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating]) -> ND
         first = int(of_letters[i])
         n = round(1.0 - 2.0 * float(strokes["shape"][first, 2]))  # the first of n letters is at -(n - 1) / 2
         x, y, z = seen_from_map[:3, :3] @ strokes["begin"][first] + seen_from_map[:3, 3]
-        height = float(strokes["shape"][first, 1])
+        height = max(float(strokes["shape"][first, 1]), LEAST * pixel * -z)
         if z < 0.0:
             texts.append((np.array((x, y, 0.25 * n * height, 0.5 * height)) / -z, slice(first, first + n)))
         i += n
@@ -119,14 +122,14 @@ class StrokePass:
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         context.fbo.depth_mask = False
-        self._draw(strokes.hidden)
+        self._draw(strokes.hidden, 0.0)
         context.disable(moderngl.DEPTH_TEST)
-        self._draw(spread(strokes.shown, np.linalg.inv(eye)))
+        self._draw(spread(strokes.shown, np.linalg.inv(eye), 1.0 / k.fy), LEAST)
         context.fbo.depth_mask = True
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
-    def _draw(self, strokes: NDArray[np.void]) -> None:
+    def _draw(self, strokes: NDArray[np.void], least: float) -> None:
         if len(strokes) == 0:
             return
         numbered = strokes.copy()
@@ -136,6 +139,7 @@ class StrokePass:
         self._add(set(used) - self._numbers.keys())
         numbers = np.array([self._numbers.get(one, 0) for one in used], np.float32)
         numbered["shape"][is_letter, 3] = numbers[places]
+        write(self._program, "least", np.float32(least).tobytes())
         self._image.use()
         buffer = self._context.buffer(numbered.tobytes())
         content = (self._corners, "3f", "position"), (buffer, "3f 3f 4f 4f/i", "begin", "end", "tint", "shape")
@@ -167,3 +171,4 @@ class StrokePass:
         svg = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><g {style}>{texts}</g></svg>'
         pixels = decode_png(bytes(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=False)))
         self._image.write(np.ascontiguousarray(pixels).tobytes())
+        self._image.build_mipmaps()  # small letters show their mean

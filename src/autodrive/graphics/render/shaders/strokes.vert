@@ -8,6 +8,7 @@ in vec3 end;  // y of a character: how far it is moved up in the image [heights]
 in vec4 tint;
 in vec4 shape;  // kind: 0 point, 1 line, 2 character; size [m]; place in the text; number of the character
 uniform vec2 image;  // [pixels]
+uniform float least;  // of the height of a character [pixels]
 out vec4 shade;
 out vec2 place;
 flat out float kind;
@@ -25,7 +26,7 @@ void main() {
   }
   vec3 seen = kind == 1.0 && position.x > 0.0 ? b : a;
   float pixel = 2.0 * max(-seen.z, 0.01) / (abs(projectionMatrix[1][1]) * image.y);
-  float half_size = 0.5 * max(shape.y, kind == 2.0 ? 0.0 : 2.0 * pixel);  // at least two pixels
+  float half_size = 0.5 * max(shape.y, pixel * (kind == 2.0 ? least : 2.0));
   vec2 offset = half_size * position.xy;
   if (kind == 1.0) {
     vec2 along = b.xy / max(-b.z, 0.01) - a.xy / max(-a.z, 0.01);
