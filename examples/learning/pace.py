@@ -12,6 +12,8 @@ policy collides as seldom as in normal conditions; the output is the same policy
 3. Learn: a network estimates that slowness from the last 0.5 s of what the car feels and does, and how much its
    estimate is worth: on a straight it learns little. The weighted mean over the last seconds counts. Nobody tells the
    car its conditions when it drives; the idea is that of rapid motor adaptation (Kumar et al., arXiv:2107.04034).
+4. Limit: the result has a top speed. From a higher one the policy brakes too late with a heavy car or with latency,
+   which a slowness helps little, as the car feels little of its mass. The drives have no such limit.
 """
 
 import argparse
@@ -30,16 +32,19 @@ import optax
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.policy import Drivers, Memory, Pace
+from autodrive.experiments.policies.racer import PERIOD
 
 CARS = 64
 CONDITIONS = {"noise": (0.0, 2.0), "friction": (0.7, 1.25), "mass": (0.75, 1.25), "latency": (0.0, 0.055)}
 TIGHT = {"track_width": (0.9, 1.8), "track_length": (60.0, 115.0), "track_radius": (0.8, 1.6)}
 WIDE = {"track_width": (1.5, 2.0), "track_length": (95.0, 120.0), "track_radius": (1.4, 2.5)}
-TRACKS = (TIGHT, 1.01), (WIDE, 1.04)  # and the slowness on them in normal conditions: wide ones are more dangerous
+TRACKS = (TIGHT, 0.97), (WIDE, 1.0)  # and the slowness on them in normal conditions: wide ones are more dangerous
 COMMON = {"tracks": 64, "track_seed": 700, "track_area": (44.0, 18.0), **CONDITIONS}
 SLOWNESS = 0.95, 1.3  # of the drives
 SLOWEST = 1.4  # of the pace, which begins with it
-KEEP = 1.0 - 1.0 / 600.0  # of a weight in each step: a time constant of 15 s
+KEEP = 1.0 - PERIOD / 30.0  # of a weight in each step: a time constant of 30 s
+START = 2.0  # the beginning counts as much as so long a drive [s]
+TOP_THROTTLE_SPEED = 22.88  # of throttle 1 [m/s]
 MOTION, DONE = ("wheel_speed", "yaw_rate", "steering"), ("steer", "throttle")
 MOMENTS = 20
 SCALES = {"wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "steer": 1.0, "throttle": 4.0}
@@ -208,6 +213,16 @@ def learn(felt: np.ndarray, wanted: np.ndarray, seed: int) -> eqx.nn.MLP:
     return network
 
 
+def pace(network: eqx.nn.MLP, felt: np.ndarray, top_speed: float) -> Pace:
+    """What was learnt, with a careful beginning; `felt`: see `sequences`, `top_speed` [m/s]."""
+    layers = tuple((np.array(one.weight), np.array(one.bias)) for one in network.layers)
+    some = felt[:: 1 + len(felt) // 200].reshape(-1, len(INPUTS))
+    log_weight = jax.vmap(network)(jnp.asarray(some * SCALE))[:, 1]
+    layers[-1][1][1] -= np.log(np.mean(np.exp(np.clip(log_weight, -20.0, 20.0))) * START / PERIOD)
+    slowness = min(normal for _, normal in TRACKS), SLOWEST
+    return Pace(INPUTS, tuple(SCALE.tolist()), slowness, KEEP, layers, top_speed / TOP_THROTTLE_SPEED)
+
+
 def main() -> None:
     """Drive, fit, learn, and write the policy."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -215,8 +230,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of all random numbers")
     parser.add_argument("--minutes", type=float, default=15.0, help="of driving")
     parser.add_argument("--care", type=float, default=1.5, help="factor of how much slower than in normal conditions")
+    parser.add_argument("--top-speed", type=float, default=7.0, help="of the result [m/s]")
     parser.add_argument("--output", type=Path, default=Path("runs/paced/policy.npz"), help="file of the result")
     options = parser.parse_args()
+    if not 0.0 < options.top_speed <= TOP_THROTTLE_SPEED:
+        parser.error(f"--top-speed must be over 0 and at most {TOP_THROTTLE_SPEED}, not {options.top_speed:g}")
     options.output.parent.mkdir(parents=True, exist_ok=True)
     policy = replace(Policy.find(options.policy), pace=None)
     felt, wanted = [], []
@@ -228,12 +246,10 @@ def main() -> None:
         felt.append(there)
         wanted.append(normal * (1.0 + options.care * (risk.slowness(conditions) - 1.0)))
     targets = np.clip(np.concatenate(wanted), 0.5, SLOWEST).astype(np.float32)
-    network = learn(np.concatenate(felt), targets, options.seed)
-    layers = tuple((np.asarray(one.weight), np.asarray(one.bias)) for one in network.layers)
-    fastest = min(normal for _, normal in TRACKS)
-    pace = Pace(INPUTS, tuple(SCALE.tolist()), (fastest, SLOWEST), KEEP, layers)
-    training = {**policy.training, "pace": {"minutes": options.minutes, "seed": options.seed, "care": options.care}}
-    replace(policy, pace=pace, training=training).save(options.output)
+    everything = np.concatenate(felt)
+    learnt = pace(learn(everything, targets, options.seed), everything, options.top_speed)
+    about = {name: getattr(options, name) for name in ("minutes", "seed", "care", "top_speed")}
+    replace(policy, pace=learnt, training={**policy.training, "pace": about}).save(options.output)
 
 
 if __name__ == "__main__":

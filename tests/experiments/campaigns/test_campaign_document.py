@@ -55,7 +55,7 @@ def test_the_campaign_in_eight_weathers_has_the_results_of_the_document() -> Non
     table = dict(zip(PRESETS, map(int, counts.split("|")), strict=True))
     assert collisions("heavy_snow", "11:00", has_detector=True) == 1.0
     assert table["heavy_snow"] == 0
-    # the weather with the finest differences: dusk hides the box, day does not
+    # the weather with the finest differences: the dark hides the box, the day does not
     passed = [1.0 - collisions("light_fog", time, has_detector=True) for time in ("7:00", "11:00", "15:00", "19:00")]
     assert sum(passed) == table["light_fog"]
 

@@ -294,6 +294,21 @@ def test_what_learns_a_pace_estimates_as_the_policy_does() -> None:
     assert np.array(found) == pytest.approx(np.array(expected), abs=1e-4)  # float32
 
 
+def test_the_beginning_of_a_pace_counts_as_much_as_a_part_of_a_drive() -> None:
+    import jax  # as above
+
+    example: Any = runpy.run_path(str(LEARNING / "pace.py"))
+    network = example["eqx"].nn.MLP(len(example["INPUTS"]), 2, 16, 2, jax.numpy.tanh, key=jax.random.PRNGKey(2))
+    felt = np.random.default_rng(3).uniform(-4.0, 4.0, (300, 4, len(example["INPUTS"])))
+    pace = example["pace"](network, felt, 7.0)
+    value, weight = pace.evidence(felt[::2].reshape(-1, len(example["INPUTS"]))).T  # those that it takes
+    steps = example["START"] / 0.025
+    assert weight.mean() * steps == pytest.approx(1.0, rel=1e-3)  # float32; the beginning has the weight 1
+    expected = np.array(jax.vmap(network)(jax.numpy.asarray(felt[0] * example["SCALE"], jax.numpy.float32)))[:, 0]
+    assert value[:4] / weight[:4] == pytest.approx(expected, abs=1e-4)
+    assert pace.top_throttle * 22.88 == pytest.approx(7.0)
+
+
 @pytest.mark.slow
 def test_a_policy_gets_a_pace_and_drives_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     example: Any = runpy.run_path(str(LEARNING / "pace.py"))["main"].__globals__
@@ -306,6 +321,7 @@ def test_a_policy_gets_a_pace_and_drives_with_it(tmp_path: Path, monkeypatch: py
     policy = Policy.load(file)
     assert policy.pace is not None
     assert policy.training["pace"]["minutes"] == 0.05
+    assert policy.pace.top_throttle == pytest.approx(7.0 / 22.88)
     before = Policy.find("race")
     assert all(np.array_equal(*pair) for pair in zip(before.layers[0], policy.layers[0], strict=True))
     assert drive_laps(policy, "practice", 1, limit=2.0).status

@@ -273,12 +273,12 @@ def test_a_pace_that_keeps_nothing_and_one_without_evidence() -> None:
 
 
 def test_a_file_has_the_pace(tmp_path: Path) -> None:
-    policy = replace(random_policy(), pace=random_pace())
+    policy = replace(random_policy(), pace=replace(random_pace(), top_throttle=0.3))
     policy.save(tmp_path / "policy.npz")
     loaded = Policy.load(tmp_path / "policy.npz")
     assert loaded.pace is not None
     assert policy.pace is not None
-    for name in ("inputs", "scale", "slowness", "keep"):
+    for name in ("inputs", "scale", "slowness", "keep", "top_throttle"):
         assert getattr(loaded.pace, name) == getattr(policy.pace, name)
     for ours, theirs in zip(loaded.pace.layers, policy.pace.layers, strict=True):
         assert all(np.array_equal(one, other) for one, other in zip(ours, theirs, strict=True))
@@ -286,11 +286,29 @@ def test_a_file_has_the_pace(tmp_path: Path) -> None:
     slower = loaded.slower(1.2)
     assert slower.pace is loaded.pace
     assert slower.throttle[1] == pytest.approx(policy.throttle[1] / 1.2)
+    changed(tmp_path / "policy.npz", lambda about, arrays: about["pace"].pop("top_throttle"))  # as files were before
+    earlier = Policy.load(tmp_path / "policy.npz").pace
+    assert earlier is not None
+    assert earlier.top_throttle == 1.0
+
+
+def test_the_top_throttle_of_a_pace_limits_what_is_commanded_and_nothing_else() -> None:
+    readings = np.random.default_rng(5).uniform(0.0, 4.0, (200, 1, len(INPUTS)))
+    pace = replace(random_pace(), inputs=("yaw_rate", "wheel_speed@3", "steer@1", "steer@2"))  # not what it commanded
+    free, limited = (
+        Drivers(replace(random_policy(), pace=replace(pace, top_throttle=top)), INPUTS) for top in (1.0, 0.2)
+    )
+    commands = [(free.act(one)[0], limited.act(one)[0]) for one in readings]
+    for one, other in commands:
+        assert other.tolist() == [min(one[0], 0.2), one[1]]
+    assert {one[0] > 0.2 for one, _ in commands} == {False, True}
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        (lambda about, arrays: about["pace"].update(top_throttle=0.0), "top throttle of a pace must be over 0"),
+        (lambda about, arrays: about["pace"].update(top_throttle=1.2), "at most 1, not 1.2"),
         (lambda about, arrays: about["pace"].update(slowness=[1.3, 0.9]), "slowness of a pace must be two numbers"),
         (lambda about, arrays: about["pace"].update(slowness=[1.0]), "is not a policy"),
         (lambda about, arrays: about["pace"].update(keep=1.5), "'keep' of a pace must be from 0 to 1, not 1.5"),

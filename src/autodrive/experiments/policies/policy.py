@@ -4,7 +4,7 @@ A policy may read the last moments: the input `yaw_rate@2` is the reading `yaw_r
 `steer@1` are its own outputs one step ago, -1 to 1. `Memory` keeps them.
 
 A policy may have a second network, its `Pace`, which estimates from the motion of the car how much slower the policy
-must drive than it was trained to: with little grip, with latency.
+must drive than it was trained to: with little grip, with latency. It also limits the throttle.
 
 A file of a policy is an .npz archive (`numpy.savez`): the arrays `weight_0`, `bias_0`, `weight_1` ... of the layers,
 and `about`, JSON with the other attributes of `Policy`. With a pace its format is 2: there are also `pace_weight_0`,
@@ -47,6 +47,8 @@ SPEEDS = "speed", "side_speed", "wheel_speed", "yaw_rate"
 """Features that are speeds."""
 PACE = "pace_"
 """Before the names of the arrays of a pace."""
+PACE_NUMBERS = "inputs", "scale", "slowness", "keep", "top_throttle"
+"""Its other attributes."""
 LONGEST = 100
 """Steps ago of the oldest moment that a policy may read."""
 
@@ -72,6 +74,8 @@ class Pace:
     """Factor by which the weights of the past get less in each step, 0 to 1."""
     layers: tuple[Layer, ...]
     """As in `Policy`."""
+    top_throttle: float = 1.0
+    """The greatest one that is commanded; 1: no limit."""
 
     def __post_init__(self) -> None:
         _check("pace", self.inputs, self.scale, self.layers, "slowness and the logarithm of its weight")
@@ -80,6 +84,8 @@ class Pace:
             raise AutodriveError(f"the slowness of a pace must be two numbers from 0.1 to 10, not {self.slowness}")
         if not 0.0 <= self.keep <= 1.0:
             raise AutodriveError(f"the factor 'keep' of a pace must be from 0 to 1, not {self.keep:g}")
+        if not 0.0 < self.top_throttle <= 1.0:
+            raise AutodriveError(f"the top throttle of a pace must be over 0 and at most 1, not {self.top_throttle:g}")
 
     def evidence(self, inputs: NDArray[Any]) -> Floats:
         """Slowness times weight, and weight, shape (n, 2), for the numbers `inputs`, shape (n, n_input)."""
@@ -165,7 +171,7 @@ class Policy:
         }
         arrays = _named("", self.layers)
         if self.pace:
-            about["pace"] = {name: getattr(self.pace, name) for name in ("inputs", "scale", "slowness", "keep")}
+            about["pace"] = {name: getattr(self.pace, name) for name in PACE_NUMBERS}
             arrays |= _named(PACE, self.pace.layers)
         arrays["about"] = np.array(json.dumps(about))
         data = io.BytesIO()
@@ -291,6 +297,8 @@ class Drivers:
         self.outputs = self._policy.outputs(np.where(self._policy.is_speed, inputs * self.slowness[:, None], inputs))
         commands = self._policy.commands(self.outputs)
         commands[:, 0] /= self.slowness
+        if pace:
+            commands[:, 0] = np.minimum(commands[:, 0], pace.top_throttle)
         for one in (self._memory, self._motion):
             one.put_out(self.outputs, commands[:, 0])
         return commands
@@ -384,8 +392,9 @@ def _layers(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> tuple[Layer, ...
 
 def _pace(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Pace:
     least, most = _numbers(about["slowness"])
-    (keep,) = _numbers([about["keep"]])
-    return Pace(tuple(map(str, about["inputs"])), _numbers(about["scale"]), (least, most), keep, _layers(PACE, arrays))
+    keep, top = _numbers([about["keep"], about.get("top_throttle", 1.0)])
+    inputs, scale = tuple(map(str, about["inputs"])), _numbers(about["scale"])
+    return Pace(inputs, scale, (least, most), keep, _layers(PACE, arrays), top)
 
 
 def _arrays(file: Path) -> dict[str, NDArray[Any]]:
