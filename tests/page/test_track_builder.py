@@ -101,7 +101,9 @@ def test_faults_are_shown_while_a_point_is_dragged_and_a_finger_and_keys_move_po
     tab = opened(plane, new_tab, size=(1024, 768), touch=True)
     tab.wait_until(lambda: line(tab) is not None)
     tab.click("track-all")
-    tab.wait_until(lambda: (at := point(tab, 4)) and at[0] > 340)
+    drawn = tab.value("store.imageCount.value")
+    tab.wait_until(lambda: tab.value("store.imageCount.value") > drawn + 1)  # the camera is there
+    assert point(tab, 4)[0] > 340
     tools = tab.page.context.new_cdp_session(tab.page)
     start, end = point(tab, 2), on_screen(tab, 0.0, -2.0)
     touch(tools, "touchStart", start)

@@ -78,7 +78,7 @@ describe('the menu', () => {
     store.isMenuOpen.value = true
     store.frame.value = frameOf(['V1'], { weather, weather_effects: effects })
     expect(get('weather-numbers').textContent).toBe(
-      'Grip 0.71, stops in 1.4 times the dry distance, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
+      'Grip 0.71, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
     expect(socket.request).toEqual({ type: 'DescribeWeather' })
     expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')

@@ -367,6 +367,11 @@ def test_topics_set_the_weather_and_the_time_of_day(simulation: Simulation, serv
         weather = simulation.frame.weather
         assert weather is not None
         assert (weather.rain, weather.fog) == (0.0, 1.0)
+        environment(node, rain_intensity=math.nan, snow_intensity=0.5)  # not a number: refused, and the next one works
+        weather = simulation.frame.weather
+        assert weather is not None
+        assert (weather.rain, weather.fog, weather.snow) == (0.0, 1.0, 0.5)
+        environment(node, snow_intensity=0.0)
         environment(node, fog_intensity=0.0)
     simulation.request(Reset()).result(LIMIT)
 

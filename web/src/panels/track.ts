@@ -26,7 +26,7 @@ export function track(store: Store, builder: TrackBuilder, view: () => SceneView
   store.scene.watch(show)
   store.isBuilding.watch((isBuilding) => {
     show()
-    if (isBuilding) showAll()
+    if (isBuilding) queueMicrotask(showAll) // when the panel is there, beside which it is shown
   })
   return elements
 }

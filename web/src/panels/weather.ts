@@ -206,11 +206,10 @@ function near(a: number, b: number): boolean {
   return Math.abs(a - b) < 1e-6
 }
 
-/** For example 'Grip 0.71, stops in 1.4 times the dry distance, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
+/** For example 'Grip 0.71, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
 export function inNumbers(effects: WeatherEffects | null, weather: Weather): string {
   if (!effects) return 'Clear: full grip, full range, full sight'
   const parts = [`Grip ${effects.grip.toFixed(2)}`]
-  if (effects.grip < 0.995) parts.push(`stops in ${(1 / effects.grip).toFixed(1)} times the dry distance`) // v² / 2µg
   const ranges = [effects.lidar_dark, effects.lidar_bright].map((range) => range?.toFixed(1))
   if (effects.lidar_dark !== null) parts.push(`LIDAR ${ranges[0]} m at 10 % and ${ranges[1]} m at 80 % reflectivity`)
   parts.push(effects.sight < 1000 ? `sight ${effects.sight.toFixed(0)} m` : 'sight more than 1000 m')

@@ -423,6 +423,9 @@ class Bridge:
         ]
 
     def _on_environment(self, key: str, message: Any) -> None:
+        if not math.isfinite(message.data):
+            self.warn(f"autodrive/environment/{ENVIRONMENT_TOPICS[key][0]} must be a finite number, not {message.data}")
+            return
         least, most = ENVIRONMENT[key]
         before, now = self._environment, self._environment | {key: min(max(float(message.data), least), most)}
         self._environment = now
