@@ -86,6 +86,20 @@ def test_a_race_is_repeated(tmp_path: Path) -> None:
         assert str(resimulate(recording)) == "identical"
 
 
+def test_a_reset_to_a_weather_is_repeated(tmp_path: Path) -> None:
+    world = autodrive.make("mini_map")
+    with Recorder(tmp_path / "reset.mcap", world, has_meshes=False):
+        for weather in (Weather(fog=1.0, rain=0.5), None):
+            world.reset(3, weather=weather)
+            for _ in range(30):
+                world.step({"V1": Command(0.5)})
+    with open_recording(tmp_path / "reset.mcap") as recording:
+        assert str(resimulate(recording)) == "identical"
+        shown = [frame.weather is not None for frame in recording.frames()]
+    assert shown.count(True) == 31
+    assert not shown[-1]
+
+
 def test_a_difference_is_named(drive: Drive) -> None:
     frame = drive.frames[5]
     vehicle = frame.vehicles["V2"]

@@ -147,6 +147,16 @@ def test_each_world_of_a_batch_has_its_own_weather() -> None:
         batch.reset(weather=[Weather()])
     with pytest.raises(CommandError, match="rain"):
         batch.reset(weather=Weather(rain=2.0))
+    assert clear.reset(4, weather=Weather(fog=1.0)).weather == batch.weathers[2]
+    drive(clear)
+    scan = clear.frame.vehicles["V1"].lidar
+    assert scan is not None
+    assert readings.lidar_ranges[2, 0, :].tobytes() != scan.ranges.tobytes()  # world 2 has another seed
+    batch.reset([2], [4], weather=Weather(fog=1.0))
+    assert batch.step([[[0.5, 0.1]]] * 3, 60).lidar_ranges[2, 0].tobytes() == scan.ranges.tobytes()
+    with pytest.raises(CommandError, match="rain"):
+        clear.reset(weather=Weather(rain=2.0))
+    assert clear.reset().weather is None
     batch.reset()
     assert batch.step([[[0.5, 0.1]]] * 3).lidar_ranges.shape[0] == 3
 

@@ -230,8 +230,9 @@ class _Again:
                 pass  # they change when a tick runs, not what it does
             case SetPoses(poses=poses):
                 world.set_poses({name: np.array(pose) for name, pose in poses.items()})
-            case ResetTo(seed=seed, poses=poses):
-                world.reset(seed, poses={name: (x, y, yaw) for name, (x, y, yaw) in poses.items()})
+            case ResetTo(seed=seed, poses=poses, weather=weather):
+                starts = {name: (x, y, yaw) for name, (x, y, yaw) in poses.items()}
+                world.reset(seed, poses=starts, weather=weather)
             case SensorAdded(vehicle=vehicle, name=name):
                 self._add_sensor(world, vehicle, name)
             case Restored():

@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias
 import msgspec
 
 from autodrive.base.transforms import Quaternion, Vector
-from autodrive.protocol.messages import Command, Frame, Hold, Operation
+from autodrive.protocol.messages import Command, Frame, Hold, Operation, Weather
 
 
 class SetPoses(msgspec.Struct, frozen=True, tag="Poses"):
@@ -18,10 +18,11 @@ class SetPoses(msgspec.Struct, frozen=True, tag="Poses"):
 
 
 class ResetTo(msgspec.Struct, frozen=True, tag=True):
-    """`World.reset` with poses: x, y [m] and yaw [rad] of each name."""
+    """`World.reset` with poses, x, y [m] and yaw [rad] of each name, or with a weather."""
 
     seed: int | None
     poses: dict[str, tuple[float, ...]]
+    weather: Weather | None = None
 
 
 class Restored(msgspec.Struct, frozen=True, tag=True):

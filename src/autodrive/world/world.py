@@ -243,15 +243,24 @@ class World(OneThread):
         return self._show(events, is_moved=is_moved)
 
     @by_one_thread
-    def reset(self, seed: int | None = None, *, poses: Mapping[str, tuple[float, float, float]] | None = None) -> Frame:
+    def reset(
+        self,
+        seed: int | None = None,
+        *,
+        poses: Mapping[str, tuple[float, float, float]] | None = None,
+        weather: Weather | None = None,
+    ) -> Frame:
         """Return to the initial state; a new seed stays until the next one.
 
-        `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. Raises
-        `CommandError` for a wrong seed, and for a pose that is wrong or overlaps something; then nothing has changed.
+        `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. `weather`:
+        from this start on, as after a long time of it; None: that of the scenario. Raises `CommandError` for a wrong
+        seed or weather, and for a pose that is wrong or overlaps something; then nothing has changed.
         """
         self._check_open()
         if seed is not None:
             check_seed(seed)
+        if weather is not None:
+            check_weather(weather)
         on_ground = {} if poses is None else self._start_poses(poses)
         if self.traffic is not None:
             on_ground = self._traffic_starts(self._seed if seed is None else int(seed), on_ground) | on_ground
@@ -284,7 +293,7 @@ class World(OneThread):
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
         c.sensors.reset(self._seed)
-        self._weather = ChangingWeather.settled(self.spec.weather.message)
+        self._weather = ChangingWeather.settled(self.spec.weather.message if weather is None else weather)
         self._apply_weather(is_reset=True)
         c.own_sensors.reset(self._seed)
         if self._v2x is not None:
@@ -292,7 +301,7 @@ class World(OneThread):
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
-        self._tell(lambda: ResetTo(seed, plain(poses)) if poses else Reset(seed))
+        self._tell(lambda: ResetTo(seed, plain(poses or {}), weather) if poses or weather else Reset(seed))
         return self._show()
 
     @property

@@ -15,7 +15,9 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.registration import ROBORACER
+from autodrive.scenario.scenario import WeatherSpec
 
 TASKS = {"NigelLaneKeeping-v0": "state", "NigelParking-v0": "lidar", "NigelNavigation-v0": "state"}
 """With the observation that the other tests do not use."""
@@ -99,7 +101,7 @@ def test_a_vector_environment_has_the_bits_of_single_ones(id_: str, mode: Autore
     if id_ == ROBORACER:
         settings |= CONDITIONS
     elif mode == AutoresetMode.SAME_STEP:
-        settings |= {"observation": TASKS[id_], "action": "discrete"}
+        settings |= {"observation": TASKS[id_], "action": "discrete", "rain": (0.0, 1.0), "fog": 0.2}
     ours = vector_env(id_, 3, autoreset_mode=mode, **settings)
     assert ours.metadata["autoreset_mode"] is mode
     theirs = SyncVectorEnv([lambda: gymnasium.make(f"autodrive:{id_}", **settings)] * 3, autoreset_mode=mode)
@@ -120,6 +122,28 @@ def test_a_vector_environment_has_the_bits_of_single_ones(id_: str, mode: Autore
     assert ends >= 6
     ours.close()
     theirs.close()
+
+
+@pytest.mark.parametrize("id_", [*TASKS, "NigelCrossing-v0", "RoboRacerDuel-v0"])
+def test_each_episode_of_every_environment_has_its_own_weather(id_: str) -> None:
+    envs = vector_env(id_, 8, rain=(0.2, 1.0), snow=0.1)
+    rains: list[float] = []
+    for seed in (1, None):
+        envs.reset(seed=seed)
+        rains += [one.rain for one in envs.batch.weathers]
+        assert all((one.snow, one.fog) == (0.1, 0.0) for one in envs.batch.weathers)
+    assert len({*rains}) == len(rains)
+    assert 0.2 <= min(rains) < max(rains) <= 1.0
+    with pytest.raises(SpecError, match="fog: must be a number from 0 to 1, or two of them"):
+        vector_env(id_, 8, fog=(0.0, 2.0))
+
+
+def test_a_task_keeps_the_weather_of_its_scenario() -> None:
+    task = LaneKeeping(5)
+    task.scenario = task.scenario.model_copy(update={"weather": WeatherSpec(snow=0.4)})
+    envs = DrivingVectorEnv(2, task)
+    envs.reset(seed=1)
+    assert [one.snow for one in envs.batch.weathers] == [0.4, 0.4]
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:

@@ -36,6 +36,17 @@ def test_reset_equals_a_fresh_world_in_every_bit() -> None:
         assert bits(used.step(ahead)) == bits(fresh.step(ahead))
 
 
+def test_each_episode_has_its_own_weather() -> None:
+    env = DrivingParallelEnv(2, fog=(0.2, 1.0))
+    fogs = []
+    for seed in (1, None, 1):
+        env.reset(seed=seed)
+        assert env.frame.weather is not None
+        fogs.append(env.frame.weather.fog)
+    assert fogs[0] == fogs[2] != fogs[1]
+    assert 0.2 <= min(fogs) < max(fogs) <= 1.0
+
+
 def test_a_car_whose_episode_has_ended_stays_and_the_others_drive_on() -> None:
     env = DrivingParallelEnv(4, observation="state")
     env.reset(seed=3)

@@ -1,4 +1,4 @@
-"""Paint and shade on the ground: their area in an image, however small they are, and what they leave as it is."""
+"""Paint and shade on the ground, and rings of ducts: their area in an image, however small they are."""
 
 from __future__ import annotations
 
@@ -36,10 +36,9 @@ def linear(shown: np.ndarray) -> np.ndarray:
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
 
 
-@pytest.fixture(scope="module")
-def mini_map() -> Iterator[tuple[Renderer, RenderState, View]]:
+def at_start(scenario: str, vehicle: str) -> Iterator[tuple[Renderer, RenderState, View]]:
     """The map in dull light, in which no colour is too bright for an image, its start, and the front camera."""
-    compiled = compile_scenario("mini_map")
+    compiled = compile_scenario(scenario)
     state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
     state.header["is_day"] = True
     state.header["air"] = air_of(Weather(clouds=1.0))
@@ -48,11 +47,21 @@ def mini_map() -> Iterator[tuple[Renderer, RenderState, View]]:
     half = 0.5 * place.yaw
     state.vehicles["position"][0] = place.x, place.y, compiled.vehicles[name].ride_height
     state.vehicles["orientation"][0] = np.cos(half), 0.0, 0.0, np.sin(half)
-    spec = load_vehicle("nigel").cameras["front"]
+    spec = load_vehicle(vehicle).cameras["front"]
     row = state.vehicles[0]
     where = world_from_camera(tuple(row["position"].tolist()), tuple(row["orientation"].tolist()), spec.mount)
     with Renderer(scene_of(compiled), "software") as renderer:
         yield renderer, state, View(*where, spec.intrinsics, spec.near, spec.far)
+
+
+@pytest.fixture(scope="module")
+def mini_map() -> Iterator[tuple[Renderer, RenderState, View]]:
+    yield from at_start("mini_map", "nigel")
+
+
+@pytest.fixture(scope="module")
+def practice() -> Iterator[tuple[Renderer, RenderState, View]]:
+    yield from at_start("practice", "roboracer")
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +111,25 @@ def test_far_dashes_keep_their_area(mini_map: tuple[Renderer, RenderState, View]
     found = paint(1)[is_seen].sum()
     assert found == pytest.approx(fine.mean((1, 3))[is_seen].sum(), rel=0.10)
     assert found / np.median(fine[is_dash]) == pytest.approx(area, rel=0.10)
+
+
+def test_far_rings_of_ducts_have_no_dots(practice: tuple[Renderer, RenderState, View]) -> None:
+    """Where rings are one or two pixels wide: no more contrast of pixels than in a render of 64 samples a pixel."""
+    renderer, state, look = practice
+    image = renderer.draw(state, [look], depth=True)[0]
+    assert image.depth is not None
+    fine = renderer.draw(state, [part(look, slice(0, look.intrinsics.height), SAMPLES)], labels=True)[0]
+    assert fine.labels is not None
+    shape = look.intrinsics.height, SAMPLES, look.intrinsics.width, SAMPLES
+    is_duct = (fine.labels == Label.WALL).reshape(shape).all((1, 3)) & (image.depth > 3.0) & (image.depth < 9.0)
+    # three pixels beside each other
+    inside = np.lib.stride_tricks.sliding_window_view(is_duct, (1, 3)).all((2, 3))
+    assert inside.sum() > 1000
+    mean = linear(fine.rgba[..., 1].astype(float)).reshape(shape).mean((1, 3))
+    shown = linear(image.rgba[..., 1].astype(float))
+    contrasts = [np.abs(np.diff(light, 2, axis=1))[inside].mean() for light in (shown, mean)]
+    assert contrasts[0] < contrasts[1]
+    assert shown[is_duct].mean() == pytest.approx(mean[is_duct].mean(), rel=0.03)
 
 
 def asset(*polygons: shapely.Polygon) -> Asset:

@@ -69,9 +69,14 @@ class Conditions:
         """Of one car, each from its range with equal probability."""
         return Drawn(*(_drawn(getattr(self, name), rng) for name in Drawn._fields))
 
-    def draw_weather(self, rng: np.random.Generator) -> Weather:
-        """Of one world, likewise; without a range of weather, no random number is drawn."""
+    def draw_weather(self, rng: np.random.Generator) -> Weather | None:
+        """Of one world, likewise; None: no amount is given, so that it is that of the scenario.
+
+        Without a range of weather, no random number is drawn.
+        """
         ranges = {name: getattr(self, name) for name in WEATHER}
+        if not any(ranges.values()):
+            return None
         return Weather(**{name: _drawn(one, rng) if isinstance(one, tuple) else one for name, one in ranges.items()})
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from gymnasium.vector import AutoresetMode
 
 from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.conditions import Range
 from autodrive.experiments.envs.crossing import Crossing
 from autodrive.experiments.envs.settings import Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
@@ -33,10 +34,13 @@ class CrossingVectorEnv(SeveralCarsVectorEnv):
         action: Action | None = None,
         frame_skip: int = 5,
         threads: int | None = None,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
     ) -> None:
         """`loss`, `delay`, `rate`: of the radio of the variant "own", see `Crossing`. `num_envs`: a multiple of 4.
 
-        Raises `SpecError`.
+        `fog`, `rain`, `snow`: see `Conditions`. Raises `SpecError`.
         """
         super().__init__(
             num_envs,
@@ -46,6 +50,9 @@ class CrossingVectorEnv(SeveralCarsVectorEnv):
             action=action_of(variant, action),
             frame_skip=frame_skip,
             threads=threads,
+            fog=fog,
+            rain=rain,
+            snow=snow,
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.conditions import Conditions, Range
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
 from autodrive.experiments.envs.settings import (
@@ -44,10 +45,14 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
         traffic: int = 0,
         offence_cost: float = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
     ) -> None:
         """`traffic`: cars that drive themselves, on a map with lanes.
 
         `offence_cost`: subtracted from the reward for each red light and stop sign that is run.
+        `fog`, `rain`, `snow`: see `Conditions`.
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
@@ -59,6 +64,7 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         seen = observation or self.task.observation
         self.observation_space = observation_space(self.task, seen)
         self.action_space = action_space(self.settings)
+        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
         self._has_camera = seen == "camera"
         self._episodes = Episodes(self.task, seen, 1, offence_cost)
         self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
@@ -75,7 +81,8 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         world_seed = int(self.np_random.integers(2**31))
         start = self.task.start(self.np_random)
-        frame = self.rendered.reset(world_seed, start.poses)
+        weather = self._conditions.draw_weather(self.np_random)
+        frame = self.rendered.reset(world_seed, start.poses, weather)
         self._episodes.begin(FIRST, [start], self.rendered.cars)
         return self._observation(frame), {}
 

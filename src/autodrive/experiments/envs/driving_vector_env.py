@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
+from autodrive.experiments.envs.conditions import Conditions, Range
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
@@ -27,6 +28,7 @@ from autodrive.experiments.envs.settings import (
     with_traffic,
 )
 from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
+from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
 
 
@@ -54,12 +56,15 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: str | None = None,
         traffic: int = 0,
         offence_cost: float = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
     ) -> None:
         """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
 
         `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
         speeds and ways of them. `offence_cost`: subtracted from the reward for each red light and stop sign that is
-        run.
+        run. `fog`, `rain`, `snow`: see `Conditions`.
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
@@ -69,6 +74,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
         self.settings = replace(checked, choices=self.task.choices)
+        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
         seen = observation or self.task.observation
         if render_mode is not None:
             raise SpecError(
@@ -198,7 +204,12 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""
-        self.batch.reset(worlds, seeds, poses=poses)
+        self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self._conditions))
+
+    def _weathers(self, worlds: NDArray[np.intp], conditions: Conditions) -> list[Weather] | None:
+        """Of new episodes in these worlds; None: that of the scenario."""
+        generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
+        return [one for rng in generators if (one := conditions.draw_weather(rng)) is not None] or None
 
     def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
         """What the infos say after a step."""

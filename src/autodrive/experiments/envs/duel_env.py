@@ -44,10 +44,14 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
         action: Action | None = None,
         frame_skip: int = 5,
         threads: int | None = None,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
     ) -> None:
         """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
 
-        `laps`: of a race of the variant "own". `noise`: see `Conditions`. `num_envs`: an even number.
+        `laps`: of a race of the variant "own". `noise`, `fog`, `rain`, `snow`: see `Conditions`. `num_envs`: an
+        even number.
 
         Raises `SpecError`.
         """
@@ -60,7 +64,7 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
             frame_skip=frame_skip,
             threads=threads,
         )
-        self._noise = Conditions(noise=noise)
+        self._conditions = Conditions(noise=noise, fog=fog, rain=rain, snow=snow)
         self._episodes.memory[:, BEST] = np.inf
 
     @property
@@ -83,8 +87,9 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
-        noise = np.array([[self._noise.draw(one).noise for _ in range(self.car_count)] for one in generators])
-        self.batch.reset(worlds, seeds, poses=poses, noise=noise)
+        noise = np.array([[self._conditions.draw(one).noise for _ in range(self.car_count)] for one in generators])
+        weathers = self._weathers(worlds, self._conditions)
+        self.batch.reset(worlds, seeds, poses=poses, noise=noise, weather=weathers)
 
 
 class DuelParallelEnv(SeveralCarsParallelEnv):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.conditions import Conditions, Range
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
@@ -41,10 +42,14 @@ class DrivingParallelEnv(Agents):
         render_mode: str | None = None,
         traffic: int = 0,
         offence_cost: float = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
     ) -> None:
         """`traffic`: cars that drive themselves.
 
         `offence_cost`: subtracted from the reward for each red light and stop sign that is run.
+        `fog`, `rain`, `snow`: see `Conditions`.
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
@@ -53,6 +58,7 @@ class DrivingParallelEnv(Agents):
         )
         self.task, self.settings = with_traffic(LaneKeeping(frame_skip, checked_cars(cars)), traffic), checked
         super().__init__(self.task, observation_space(self.task, observation), checked)
+        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
         self._max_steps = max_episode_steps
         self._episodes = Episodes(self.task, observation, len(self.possible_agents), offence_cost)
         self._rng: np.random.Generator | None = None
@@ -73,7 +79,8 @@ class DrivingParallelEnv(Agents):
             self._rng = seeding.np_random(seed)[0]
         world_seed = int(self._rng.integers(2**31))
         starts = self.task.starts(self._rng)
-        self.rendered.reset(world_seed, {name: pose for start in starts for name, pose in start.poses.items()})
+        poses = {name: pose for start in starts for name, pose in start.poses.items()}
+        self.rendered.reset(world_seed, poses, self._conditions.draw_weather(self._rng))
         self.agents = list(self.possible_agents)
         self._steps = 0
         self._episodes.begin(np.arange(len(starts)), starts, self.rendered.cars)

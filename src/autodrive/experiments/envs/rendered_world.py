@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.experiments.envs.task import CarReadings
-from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign
+from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign, Weather
 from autodrive.world.factory import make
 from autodrive.world.observer import Request, ResetTo
 
@@ -94,11 +94,11 @@ class RenderedWorld:
         if settings.render_mode == "human":
             self._serve()
 
-    def reset(self, seed: int, poses: Mapping[str, Ground]) -> Frame:
-        """Start an episode."""
+    def reset(self, seed: int, poses: Mapping[str, Ground], weather: Weather | None = None) -> Frame:
+        """Start an episode; `weather`: None: that of the scenario."""
         self._check_open()
         self._due = time.monotonic()
-        return self.world.reset(seed, poses=poses)
+        return self.world.reset(seed, poses=poses, weather=weather)
 
     def step(self, commands: Mapping[str, Command]) -> Frame:
         """Run the ticks of one action. Raises `EngineError` if the physics became unstable."""

@@ -126,7 +126,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [self._rngs[world] for world in worlds.tolist()]
         drawn = [self.conditions.draw(one) for one in generators if one is not None for _ in range(self.car_count)]
-        weathers = [self.conditions.draw_weather(one) for one in generators if one is not None]
+        weathers = self._weathers(worlds, self.conditions)
         self._of_worlds(self.drawn)[worlds] = drawn = self._of_worlds(np.array(drawn))
         friction, mass, noise, latency = drawn.transpose(2, 0, 1)
         self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)

@@ -136,6 +136,8 @@ def solid_texture(name: str) -> NDArray[np.uint8]:
         return sign_faces()
     if name in ("panels", "roof"):
         return _on_plaster(_PANELS if name == "panels" else _ROOF)
+    if name == "duct":
+        return _rasterized(_DUCT, 100)
     return _on_plaster(_facade(int(name[-1]))) if name.startswith("facade") else texture(name)
 
 
@@ -152,6 +154,7 @@ _PANELS = (
     '<path d="M0 0 H100 V4 H0 Z" fill="#c9c8c4"/><path d="M0 0 V100 M100 0 V100" stroke="#8d8c88" stroke-width="1.6"/>'
     '<path d="M1.4 4 V100" stroke="#e9e8e4" stroke-width=".7"/>'
 )
+_DUCT = '<rect width="100" height="100" fill="#aeb0b3"/><rect x="46" width="8" height="100" fill="#3f3f42"/>'
 _ROOF = (
     '<rect width="100" height="100" fill="#6f6d6a"/><rect x="2" y="2" width="96" height="96" fill="none" stroke="#e4e2dc" stroke-width="4"/>'
     '<rect x="4.4" y="4.4" width="91.2" height="91.2" fill="none" stroke="#3c3b39" stroke-width="1"/>'

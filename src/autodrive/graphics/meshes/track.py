@@ -15,15 +15,13 @@ from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.track_map import Barrier, barriers
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from autodrive.base.arrays import Floats
     from autodrive.scenario.tracks.track import Track
 
 WALL = Material("barrier", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
 COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
-DUCT = Material("duct", (0.42, 0.43, 0.45), roughness=0.65)
-RING = Material("duct_ring", (0.05, 0.05, 0.055), roughness=0.7)
+DUCT = Material("duct", (1.0, 1.0, 1.0), roughness=0.65, texture="duct")
+CAP = Material("duct_cap", (0.05, 0.05, 0.055), roughness=0.7)
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
 FOOT = 0.97
@@ -40,11 +38,11 @@ The normals at the floor shade the sides like those of a round duct.
 """
 STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
 """What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own
-duct. Shadows have no rings."""
+duct."""
 DUCT_FOOT, WALL_FOOT = 0.5, 0.65
 """Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
-RING_PERIOD, RING_WIDTH = 0.5, 0.04
-"""Of the dark rings of a duct [m]."""
+RING_PERIOD = 0.5
+"""Distance between the dark rings of a duct, about [m]; its texture has one."""
 
 
 def barrier_nodes(track: Track) -> Iterator[AssetNode]:
@@ -100,38 +98,18 @@ def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[M
 def _duct(
     points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool, detail: Detail
 ) -> tuple[MeshSurface, ...]:
-    """A tube on the floor; the rings are strips of another colour."""
-    is_ring = np.zeros(len(points) - 1, bool)
-    if detail != "shadow":
-        points, back, depth, is_ring = _with_rings(points, back, depth)
+    """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    periods = along / along[-1] * max(1.0, np.round(along[-1] / RING_PERIOD))  # as many whole ones as fit
     rims: list[tuple[Floats, Floats]] = []
     for (outward, up), normal in PROFILE[:: STEPS[detail]]:
         rim = _at_height(points, back, depth, 0.5 + 0.5 * outward, height * (0.5 + 0.5 * up))
         rims.append((rim, _normal(back, *normal)))
-    plain: list[Mesh] = []
-    rings: list[Mesh] = []
-    for low, high in itertools.pairwise(rims):
-        for part, found in ((~is_ring, plain), (is_ring, rings)):
-            if part.any():
-                found.append(_strip(low[0], high[0], low[1], high[1], only=part))
+    sides = [_strip(low[0], high[0], low[1], high[1], periods=periods) for low, high in itertools.pairwise(rims)]
     caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
-    parts = ((plain, DUCT), ([*rings, *caps], RING))
+    parts = ((sides, DUCT), (caps, CAP))
     surfaces = [joined(m).dim_below(0.5 * height, DUCT_FOOT).surface(look, Label.WALL) for m, look in parts if m]
     return tuple(surfaces)
-
-
-def _with_rings(points: Floats, back: Floats, depth: Floats) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
-    """The same line with more points, so that rings begin and end at points; whether each segment is a ring."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    starts = np.arange(RING_PERIOD / 2.0, along[-1] - RING_WIDTH, RING_PERIOD)
-    at = np.unique(np.concatenate([along, starts, starts + RING_WIDTH]))
-    at = at[np.concatenate([[True], np.diff(at) > 1e-6])]
-    middle = (at[:-1] + at[1:]) / 2.0
-    is_ring = ((middle - RING_PERIOD / 2.0) % RING_PERIOD < RING_WIDTH) & (middle > RING_PERIOD / 2.0)
-    is_ring &= middle < (starts[-1] + RING_WIDTH if len(starts) else 0.0)
-    new_points = np.column_stack([np.interp(at, along, points[:, k]) for k in range(2)])
-    new_back = np.column_stack([np.interp(at, along, back[:, k]) for k in range(2)])
-    return new_points, new_back, np.interp(at, along, depth), is_ring
 
 
 def _at(points: Floats, z: float) -> Floats:
@@ -153,31 +131,28 @@ def _strip(
     low_normal: Floats | None = None,
     high_normal: Floats | None = None,
     *,
-    only: NDArray[np.bool_] | None = None,
+    periods: Floats | None = None,
 ) -> Mesh:
     """Quadrilaterals between two lines; the outside is where `high` is to the left of, or above, `low`.
 
-    Seen from outside, the lines run from right to left.
+    Seen from outside, the lines run from right to left. `periods`: of a texture that is constant from `low` to `high`,
+    at each point; without it, a texture is 0.5 m wide and high.
     """
-    kept = np.arange(len(low) - 1) if only is None else np.flatnonzero(only)
-    corners = np.stack([low[kept], high[kept], high[kept + 1], low[kept + 1]], axis=1)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(low, axis=0), axis=1))])
+    corners = np.stack([low[:-1], high[:-1], high[1:], low[1:]], axis=1)
     if low_normal is None or high_normal is None:
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
         facing /= np.maximum(np.linalg.norm(facing, axis=1), 1e-12)[:, None]
         normals = np.repeat(facing[:, None], 4, axis=1)
     else:
-        normals = np.stack([low_normal[kept], high_normal[kept], high_normal[kept + 1], low_normal[kept + 1]], axis=1)
-    up = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
-    zero = np.zeros(len(kept))
-    uvs = np.stack(
-        [
-            np.column_stack([u / 0.5, v / 0.5])
-            for u, v in ((along[kept], zero), (along[kept], -up), (along[kept + 1], -up), (along[kept + 1], zero))
-        ],
-        axis=1,
-    )
-    triangles = 4 * np.arange(len(kept))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+        normals = np.stack([low_normal[:-1], high_normal[:-1], high_normal[1:], low_normal[1:]], axis=1)
+    up = np.zeros(len(corners))
+    if periods is None:
+        periods = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(low, axis=0), axis=1))]) / 0.5
+        up = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) / 0.5
+    zero = np.zeros(len(corners))
+    a, b = periods[:-1], periods[1:]
+    uvs = np.stack([np.column_stack(at) for at in ((a, zero), (a, -up), (b, -up), (b, zero))], axis=1)
+    triangles = 4 * np.arange(len(corners))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), triangles.reshape(-1, 3), uvs.reshape(-1, 2))
 
 
