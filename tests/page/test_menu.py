@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from autodrive.protocol.messages import Reset, SetDrivingMode, SetTimeOfDay, SetWeather, Weather
+from autodrive.protocol.weather import PRESETS
 from tests.support.command_line import call
-from tests.support.page import PageServer, Tab
+from tests.support.page import PageServer, Tab, box
 
 
 def test_simulator_controls(plane: PageServer, tab: Tab) -> None:
@@ -78,6 +79,31 @@ def test_weather_and_time_of_day_are_set_with_the_keyboard(tab: Tab, plane: Page
     tab.wait_until(lambda: tab.value("store.frame.value.time_of_day") == 60 * (12 * 60 + 15))
     assert tab.get("time-of-day").get_attribute("aria-valuetext") == "12:15"
     assert tab.value("store.frame.value.weather.rain") == 0.8
+    plane.request(SetWeather())
+    plane.request(Reset())
+
+
+def test_intensity_and_dial_are_set_with_the_mouse(tab: Tab, plane: PageServer) -> None:
+    plane.request(SetWeather(PRESETS["heavy_rain"]))
+    tab.show("menu")
+    intensity, dial = tab.get("weather-intensity"), tab.get("time-of-day")
+    tab.wait_until(lambda: intensity.input_value() == "1")
+    place = box(intensity)
+    tab.page.mouse.click((place["left"] + place["right"]) / 2, (place["top"] + place["bottom"]) / 2)
+    tab.wait_until(lambda: plane.frame.weather is not None and plane.frame.weather.rain == 0.4)
+    assert plane.frame.weather is not None
+    assert plane.frame.weather.clouds == 0.5
+    dial.scroll_into_view_if_needed()
+    place = box(dial)
+    x, y = (place["left"] + place["right"]) / 2, (place["top"] + place["bottom"]) / 2
+    tab.page.mouse.move(x + 40, y)  # noon is on top, 18:00 on the right
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 30, y + 30)
+    tab.page.mouse.move(x, y + 40)
+    tab.page.mouse.move(x - 40, y)
+    tab.page.mouse.up()
+    tab.wait_until(lambda: plane.frame.time_of_day == 6 * 3600.0)
+    assert dial.get_attribute("aria-valuetext") == "06:00"
     plane.request(SetWeather())
     plane.request(Reset())
 
