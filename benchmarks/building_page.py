@@ -1,12 +1,15 @@
 """What the page does while somebody builds, in a real browser: a dragged point of a track; an edit until its picture.
 
     python benchmarks/building_page.py track [--points 60] [--moves 180] [--profile 20]
+    python benchmarks/building_page.py ghost [--modules 100] [--moves 180] [--profile 20]
     python benchmarks/building_page.py map [--modules 100] [--edits 10] [--running] [--every 1]
 
 `track`: a point is dragged with 60 moves a second, while the edges and the faults are drawn. Printed are the time of
 the script of the page for a move (its handlers and the drawing of the next frame, from a trace of the browser) and the
 time between two frames. WebGL draws nothing meanwhile (its calls return at once): without a GPU, software would draw
 the scene, which takes longer than a frame. `--profile`: prints that many functions that take the most time.
+
+`ghost`: the same for a piece that follows the pointer over a map of many modules and snaps to their ends.
 
 `map`: one module of many is turned by a key, as somebody does who builds. Printed is the time from the key until the
 page draws the piece over the scene, until it has the new Scene, and until the image of the new scene is complete, which
@@ -23,7 +26,7 @@ import statistics
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -104,37 +107,50 @@ def track_of(points: int) -> TrackLine:
 
 
 def dragged(page: Page, moves: int) -> None:
-    """Drag the tenth point of the track in a circle, with 60 moves a second."""
+    """Drag the tenth point of the track along a line and back, again and again."""
     page.get_by_test_id("track-all").click()
     page.wait_for_timeout(1000)
     (x, y), middle = page.evaluate(
         "() => { const [x, y] = autodrive.store.scene.value.track_scene.line.points[9];"
         " return [autodrive.view.screenPoint(x, y, 0), autodrive.view.screenPoint(0, 0, 0)] }"
     )
-    dx, dy = middle[0] - x, middle[1] - y
     page.mouse.move(x, y)
     page.mouse.down()
-    start = time.perf_counter()
-    for i in range(moves):
-        share = 0.35 * (1 - math.cos(2 * math.pi * i / 60))
-        page.mouse.move(x + share * dx, y + share * dy)
-        time.sleep(max(start + (i + 1) / 60 - time.perf_counter(), 0.0))
+    move(page, (x, y), (0.7 * (middle[0] - x), 0.7 * (middle[1] - y)), moves)
     page.mouse.up()
 
 
-def drag_track(points: int, moves: int, functions: int) -> None:
-    with opened(EditTrack(track_of(points)), draws=False, is_running=False) as (browser, page):
+def placed(page: Page, moves: int) -> None:
+    """Take a piece and move it over the map from side to side, again and again."""
+    page.wait_for_function("() => autodrive.store.shownScene.value.map_scene?.problems.length > 0")
+    page.evaluate("() => autodrive.view.showArea(6, 16, 20)")
+    page.get_by_test_id("piece-straight_road").click()
+    page.wait_for_timeout(1000)
+    move(page, (450.0, 200.0), (400.0, 350.0), moves)
+
+
+def move(page: Page, start: tuple[float, float], by: tuple[float, float], moves: int) -> None:
+    """Move the pointer along a line and back, again and again, with 60 moves a second."""
+    begin = time.perf_counter()
+    for i in range(moves):
+        share = 0.5 * (1 - math.cos(2 * math.pi * i / 60))
+        page.mouse.move(start[0] + share * by[0], start[1] + share * by[1])
+        time.sleep(max(begin + (i + 1) / 60 - time.perf_counter(), 0.0))
+
+
+def time_moves(operation: Operation, gesture: Callable[[Page, int], None], moves: int, functions: int) -> None:
+    with opened(operation, draws=False, is_running=False) as (browser, page):
         if functions:
             tools = page.context.new_cdp_session(page)
             for method in ("Profiler.enable", "Profiler.start"):
                 tools.send(method)
-            dragged(page, moves)
+            gesture(page, moves)
             print_profile(tools.send("Profiler.stop")["profile"], functions)
             return
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "trace.json"
             browser.start_tracing(page=page, path=file, categories=["devtools.timeline"])
-            dragged(page, moves)
+            gesture(page, moves)
             browser.stop_tracing()
             events = json.loads(file.read_text())["traceEvents"]
     frames = frames_of(events)
@@ -211,7 +227,7 @@ def print_profile(profile: dict[str, Any], count: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["track", "map"])
+    parser.add_argument("what", choices=["track", "ghost", "map"])
     parser.add_argument("--points", type=int, default=60)
     parser.add_argument("--moves", type=int, default=180)
     parser.add_argument("--profile", type=int, default=0)
@@ -221,7 +237,9 @@ def main() -> None:
     parser.add_argument("--every", type=float, default=1.0)
     given = parser.parse_args()
     if given.what == "track":
-        drag_track(given.points, given.moves, given.profile)
+        time_moves(EditTrack(track_of(given.points)), dragged, given.moves, given.profile)
+    elif given.what == "ghost":
+        time_moves(EditMap({**town(given.modules)}), placed, given.moves, given.profile)
     else:
         edit_map(given.modules, given.edits, every=given.every, is_running=given.running)
 

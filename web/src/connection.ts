@@ -1,5 +1,5 @@
 // The connection of the page to the simulator, which its worker keeps: requests with responses, messages to the store.
-import type { Frame, Response, ServerOperation, Subscribe } from './messages'
+import type { Frame, LidarScan, Response, Scene, ServerOperation, Subscribe } from './messages'
 import type { Store } from './store'
 import type { PageMessage, Port, WorkerMessage } from './worker/port'
 
@@ -11,6 +11,8 @@ interface Pending {
 export class Connection {
   private readonly pending = new Map<number, Pending>()
   private nextId = 1
+  /** Scans of vehicles from before the map was changed: the server sends them again while time does not run. */
+  private readonly outdated = new Map<string, LidarScan>()
   private subscription: Subscribe = { type: 'Subscribe', drawings: true }
   /** Why the simulator refused this page. */
   private refusal = ''
@@ -77,6 +79,8 @@ export class Connection {
         store.link.value = 'open'
         break
       case 'Scene':
+        if (mapOf(message) !== mapOf(store.scene.value))
+          for (const [vehicle, scan] of store.scans) this.outdated.set(vehicle, scan)
         store.scans.clear()
         store.cameraImages.clear()
         store.drawings.clear()
@@ -91,6 +95,8 @@ export class Connection {
         store.status.value = message
         break
       case 'Scan':
+        if (isSame(message.scan, this.outdated.get(message.vehicle))) break
+        this.outdated.delete(message.vehicle)
         store.scans.set(message.vehicle, message.scan)
         break
       case 'Drawn':
@@ -144,4 +150,13 @@ export class Connection {
     if (frame.events.length > 0) this.store.events.value = frame.events
     this.store.frame.value = frame
   }
+}
+
+/** The parts of the map, or the race track, for a comparison. */
+function mapOf(scene: Scene | null): string {
+  return JSON.stringify([scene?.map_scene?.parts, scene?.track_scene?.line])
+}
+
+function isSame(scan: LidarScan, other: LidarScan | undefined): boolean {
+  return scan.time === other?.time && scan.ranges.every((range, i) => Object.is(range, other.ranges[i]))
 }

@@ -30,8 +30,7 @@ export function followViewInLink(store: Store, actions: Actions): void {
   if (isQuality(query)) store.quality.value = query
   let timer = 0
   const writeSoon = () => {
-    window.clearTimeout(timer)
-    timer = window.setTimeout(write, DELAY)
+    timer ||= window.setTimeout(write, DELAY) // a change that goes on, such as the time of day, is written, too
   }
 
   /** A value that is `standard` unless the link says otherwise. `parse` returns undefined for a text without meaning. */
@@ -155,6 +154,8 @@ export function followViewInLink(store: Store, actions: Actions): void {
   }
 
   function write(): void {
+    window.clearTimeout(timer)
+    timer = 0
     const view = Object.entries(parts).map(([name, part]) => [name, part.write()])
     const texts = view.filter(([, text]) => text).map(([name, text]) => `${name}=${encodeURIComponent(text)}`)
     const hash = texts.length > 0 ? `#${texts.join('&').replaceAll('%2C', ',').replaceAll('%3A', ':')}` : ''

@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, test, vi } from 'vitest'
 
-import { type Drawing, PROTOCOL, SUBPROTOCOL } from '../src/messages'
+import { type Drawing, PROTOCOL, type Scene, SUBPROTOCOL } from '../src/messages'
 import { connectedPage, FakeSocket, frameOf, newPage, scanOf, sceneOf, statusOf, welcome } from './support'
 
 beforeEach(() => {
@@ -42,6 +42,33 @@ describe('messages of the server', () => {
     socket.receive(sceneOf(['V1'], 'mini_map'))
     expect(store.scans.size).toBe(0)
     expect(store.scene.value?.scenario).toBe('mini_map')
+  })
+
+  test('a scan from before a change of the map is not shown, until there is a new one', () => {
+    const { store, socket } = connectedPage()
+    const own = { open: false, length: null, width: null, height: null, z: 0, mass: null }
+    const mapped = (x: number): Scene => {
+      const road = { type: 'MapModule' as const, module: 'straight', x, y: 0, yaw: 0, ...own }
+      const lists = { problems: [], props: [], advice: [] }
+      return { ...sceneOf(['V1']), map_scene: { parts: { road }, ports: {}, modules: {}, templates: {}, ...lists } }
+    }
+    const receive = (ranges: readonly number[], time: number) =>
+      socket.receive({ type: 'Scan', vehicle: 'V1', scan: scanOf(ranges, { time }) })
+    socket.receive(mapped(0))
+    receive([1, Infinity], 2)
+    socket.receive(mapped(0)) // the same map, as after an edit of a vehicle
+    receive([1, Infinity], 2)
+    expect(store.scans.get('V1')?.time).toBe(2)
+    for (const x of [1, 2]) {
+      socket.receive(mapped(x))
+      receive([1, Infinity], 2)
+      expect(store.scans.size).toBe(0)
+    }
+    receive([3, Infinity], 2) // a LIDAR that was changed scans again at once
+    expect([...(store.scans.get('V1')?.ranges ?? [])]).toEqual([3, Infinity])
+    socket.receive(mapped(0))
+    receive([3, Infinity], 2.1)
+    expect(store.scans.get('V1')?.time).toBe(2.1)
   })
 
   test('the selected vehicle stays selected if the next Scene has it', () => {

@@ -51,6 +51,17 @@ describe('the link', () => {
     expect(requests().length).toBe(count)
   })
 
+  test('follows a time of day that passes fast', () => {
+    const store = pageAt('')
+    for (let minutes = 600; minutes < 660; minutes++) {
+      store.frame.value = frameOf(['V1', 'V2'], { time_of_day: 60 * minutes })
+      vi.advanceTimersByTime(20) // 5 minutes in 100 ms: less than the delay of the link
+    }
+    expect(location.hash).toMatch(/^#time=10:[345]/)
+    vi.advanceTimersByTime(1000)
+    expect(location.hash).toBe('#time=10:55')
+  })
+
   test.each(['weather=storm', 'weather=rain:2', 'weather=constructor', 'time=noon'])('ignores %s', (text) => {
     pageAt(`#${text}`)
     expect(requests().filter(({ type }) => type.startsWith('Set'))).toEqual([])
