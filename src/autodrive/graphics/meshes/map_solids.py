@@ -243,6 +243,7 @@ def sign_faces() -> NDArray[np.uint8]:
     return _rasterized(f'<rect width="{ATLAS}" height="{ATLAS}" fill="#8d9092"/>{faces}', ATLAS)
 
 
+@cache
 def _rasterized(elements: str, extent: float) -> NDArray[np.uint8]:
     """A square SVG drawing of that extent as an image."""
     svg = (

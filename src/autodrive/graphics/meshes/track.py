@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 WALL = Material("barrier", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
 COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
 DUCT = Material("duct", (1.0, 1.0, 1.0), roughness=0.65, texture="duct")
-CAP = Material("duct_cap", (0.05, 0.05, 0.055), roughness=0.7)
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
 FOOT = 0.97
@@ -107,9 +106,7 @@ def _duct(
         rims.append((rim, _normal(back, *normal)))
     sides = [_strip(low[0], high[0], low[1], high[1], periods=periods) for low, high in itertools.pairwise(rims)]
     caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
-    parts = ((sides, DUCT), (caps, CAP))
-    surfaces = [joined(m).dim_below(0.5 * height, DUCT_FOOT).surface(look, Label.WALL) for m, look in parts if m]
-    return tuple(surfaces)
+    return (joined([*sides, *caps]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
 
 
 def _at(points: Floats, z: float) -> Floats:
@@ -157,7 +154,7 @@ def _strip(
 
 
 def _cap(outline: Floats, is_first: bool) -> Mesh:
-    """The end of a duct as a fan of triangles."""
+    """The end of a duct as a fan of triangles, as light as the duct: far gaps between ducts are then no dark dots."""
     n = len(outline)
     triangles = np.array([[0, k, k + 1] if is_first else [0, k + 1, k] for k in range(1, n - 1)])
     facing = np.cross(outline[triangles[2, 1]] - outline[0], outline[triangles[2, 2]] - outline[0])
