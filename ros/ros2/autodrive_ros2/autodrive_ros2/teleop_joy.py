@@ -47,11 +47,13 @@ class TeleopJoy(Node):
 def main() -> None:
     """Run until Ctrl-C."""
     rclpy.init()
+    node = TeleopJoy()
     try:
-        rclpy.spin(TeleopJoy())
+        rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        node.destroy_node()
         rclpy.try_shutdown()
 
 

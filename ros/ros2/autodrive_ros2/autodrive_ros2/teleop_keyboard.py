@@ -78,6 +78,7 @@ def main() -> None:
         pass
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+        node.destroy_node()
         rclpy.try_shutdown()
 
 
