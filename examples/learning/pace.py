@@ -44,7 +44,7 @@ SLOWNESS = 0.95, 1.3  # of the drives
 SLOWEST = 1.4  # of the pace, which begins with it
 KEEP = 1.0 - PERIOD / 30.0  # of a weight in each step: a time constant of 30 s
 START = 2.0  # the beginning counts as much as so long a drive [s]
-TOP_THROTTLE_SPEED = 22.88  # of throttle 1 [m/s]
+TOP_SPEED = 22.88  # of throttle 1 [m/s]
 MOTION, DONE = ("wheel_speed", "yaw_rate", "steering"), ("steer", "throttle")
 MOMENTS = 20
 SCALES = {"wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "steer": 1.0, "throttle": 4.0}
@@ -220,7 +220,7 @@ def pace(network: eqx.nn.MLP, felt: np.ndarray, top_speed: float) -> Pace:
     log_weight = jax.vmap(network)(jnp.asarray(some * SCALE))[:, 1]
     layers[-1][1][1] -= np.log(np.mean(np.exp(np.clip(log_weight, -20.0, 20.0))) * START / PERIOD)
     slowness = min(normal for _, normal in TRACKS), SLOWEST
-    return Pace(INPUTS, tuple(SCALE.tolist()), slowness, KEEP, layers, top_speed / TOP_THROTTLE_SPEED)
+    return Pace(INPUTS, tuple(SCALE.tolist()), slowness, KEEP, layers, top_speed / TOP_SPEED)
 
 
 def main() -> None:
@@ -233,8 +233,8 @@ def main() -> None:
     parser.add_argument("--top-speed", type=float, default=7.0, help="of the result [m/s]")
     parser.add_argument("--output", type=Path, default=Path("runs/paced/policy.npz"), help="file of the result")
     options = parser.parse_args()
-    if not 0.0 < options.top_speed <= TOP_THROTTLE_SPEED:
-        parser.error(f"--top-speed must be over 0 and at most {TOP_THROTTLE_SPEED}, not {options.top_speed:g}")
+    if not 0.0 < options.top_speed <= TOP_SPEED:
+        parser.error(f"--top-speed must be over 0 and at most {TOP_SPEED}, not {options.top_speed:g}")
     options.output.parent.mkdir(parents=True, exist_ok=True)
     policy = replace(Policy.find(options.policy), pace=None)
     felt, wanted = [], []

@@ -16,19 +16,19 @@ from autodrive.world.batch import BatchWorld
 from autodrive.world.compile import weather_effects
 
 BRAKING = {"nigel": 0.4, "roboracer": 8.0}
-"""Vehicles whose stopping distances are told, and their speeds [m/s]."""
+"""Vehicles whose stopping distances are given, and their speeds [m/s]."""
 LONGEST = 60.0
 """A vehicle has stopped after this time [s]."""
-AT_ONCE = 0.2
-"""It is simulated so long before the simulation looks whether it stands [s]."""
+PERIOD = 0.2
+"""Simulated time between two checks whether it stands [s]."""
 STANDS = 1e-3
-"""Slower than that [m/s]."""
+"""A vehicle that is slower stands [m/s]."""
 FAR = 1000.0
-"""A longer sight is not told [m]."""
+"""A longer sight is not given [m]."""
 
 
 def weather_numbers(weather: Weather, ground: GroundSpec, *, is_day: bool | None = None) -> str:
-    """Lines of text; `is_day`: whether there is daylight at the time of day, None: do not tell.
+    """Lines of text; `is_day`: whether there is daylight at the time of day, None: the light is left out.
 
     One thread at a time: it keeps a batch of each vehicle.
     """
@@ -62,10 +62,10 @@ def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: Gro
         .position[0, 0]
         .copy()
     )
-    ticks, brake = round(AT_ONCE / batch.tick_duration), np.zeros((1, 1, 2))
-    readings, time = batch.step(brake, ticks), AT_ONCE
+    ticks, brake = round(PERIOD / batch.tick_duration), np.zeros((1, 1, 2))
+    readings, time = batch.step(brake, ticks), PERIOD
     while np.linalg.norm(readings.velocity[0, 0]) > STANDS and time < LONGEST:
-        readings, time = batch.step(brake, ticks), time + AT_ONCE
+        readings, time = batch.step(brake, ticks), time + PERIOD
     return float(np.linalg.norm(readings.position[0, 0, :2] - before[:2]))
 
 

@@ -69,7 +69,7 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
 
         return act
 
-    ends = [show(Team(task, start), 1, seed, mode=None) for seed in (1, 2, 3, 5)]  # with others it drives past
+    ends = [show(Team(task, start), 1, seed, mode=None) for seed in range(6)]
     hits = [one for one in ends if one.has_collided.all()]
     assert hits
     for one in hits:
