@@ -155,6 +155,15 @@ def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(probe:
     assert sim.frame.vehicles["V1"].throttle == 0.0
 
 
+def test_topics_set_the_weather_and_the_time_of_day(probe: Probe, sim: Client) -> None:
+    topics = {"weather_id": 6, "time_of_day": 1140}  # heavy rain at 19:00
+    for name, value in topics.items():
+        probe.publish(f"/autodrive/environment/{name}", "std_msgs/Int32", value)
+    wait_until(lambda: (f := sim.wait()).weather is not None and f.weather.rain == 0.8 and f.time_of_day == 68400.0)
+    for name in topics:
+        probe.publish(f"/autodrive/environment/{name}", "std_msgs/Int32", None)
+
+
 def test_markers_are_drawn(ros1_session: Ros1, probe: Probe, sim: Client) -> None:
     publish = partial(probe.publish, "/autodrive/markers")
     check_markers(publish, sim, ros1_session.port, {"secs": 2, "nsecs": 500_000_000})

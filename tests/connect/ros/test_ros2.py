@@ -326,6 +326,12 @@ def test_keys_a_gamepad_and_the_program_of_the_document_drive(
     assert 0.25 < min(*car.lidar.ranges[:20], *car.lidar.ranges[-20:]) < 0.55
 
 
+def test_topics_set_the_weather_and_the_time_of_day(sim: Client, publish: Callable[..., None]) -> None:
+    for name, value in (("weather_id", 6), ("time_of_day", 1140)):  # heavy rain at 19:00
+        publish(f"/autodrive/environment/{name}", "std_msgs/Int32", {"data": value})
+    wait_until(lambda: (f := sim.wait()).weather is not None and f.weather.rain == 0.8 and f.time_of_day == 68400.0)
+
+
 # -- services ------------------------------------------------------------------------------------------------------
 
 
