@@ -146,10 +146,11 @@ def test_all_sensors_and_transforms_are_those_of_the_bridge_without_ros(
     ros: Ros2, sim: Client, publish: Callable[..., None]
 ) -> None:
     with running(Config(port=ros.port), reference := Recorder()):
-        publish("throttle_command", "std_msgs/Float32", {"data": 0.5})
         publish("steering_command", "std_msgs/Float32", {"data": 0.4})
-        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.1)
-        sim.pause()
+        wait_until(lambda: sim.wait().vehicles["V1"].steering > 0.1)
+        sim.pause()  # so that the car does not drive away from the boxes, however late the throttle arrives
+        publish("throttle_command", "std_msgs/Float32", {"data": 0.5})
+        wait_until(lambda: sim.step(ticks=5).vehicles["V1"].speed > 0.1)
         frame = sim.step(ticks=40)
         # odom begins where the bridge has begun
         reference.agree(ros.received, {*STATES, "/clock"} - {f"{VEHICLE}/odom"}, frame.time)
