@@ -52,7 +52,7 @@ EPOCHS, MINIBATCHES = 4, 8
 TRACE, CLIP = 0.95, 0.2
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
-TRY_INTERVAL = 10.0  # between two tries with --until-clean [s]
+TRY_INTERVAL = 3.0  # between two tries with --until-clean [s]
 ALONE = "race", "robust"  # problems whose policy drives laps on the shipped tracks
 LAPS = 10  # of a try, on each track
 GAP, PAST = "gap", "past"  # rivals: the example of a race, and the policy of some updates ago; others are policies
@@ -222,11 +222,18 @@ def log_prob(agent: Agent, mean: jax.Array, action: jax.Array) -> jax.Array:
 
 
 @eqx.filter_jit
-def decide(agent: Agent, observation: jax.Array, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Actions, their probabilities, and values, for observations of shape (n, n_input)."""
+def decide(agent: Agent, observation: jax.Array, key: jax.Array) -> tuple[jax.Array, ...]:
+    """Actions, their probabilities, and values, for observations of shape (n, n_input), and the next key."""
+    following, key = jax.random.split(key)
     mean = jax.vmap(agent.actor)(observation)
     action = mean + jnp.exp(agent.log_std) * jax.random.normal(key, mean.shape)
-    return action, log_prob(agent, mean, action), jax.vmap(agent.critic)(observation)
+    return action, log_prob(agent, mean, action), jax.vmap(agent.critic)(observation), following
+
+
+@eqx.filter_jit
+def values(agent: Agent, observation: jax.Array) -> jax.Array:
+    """Of observations of shape (n, n_input)."""
+    return jax.vmap(agent.critic)(observation)
 
 
 def advantages(rollout: Rollout, last_value: jax.Array, discount: float) -> jax.Array:
@@ -352,7 +359,7 @@ class Trainer:
 
     def read(self) -> jax.Array:
         """What the policies of all cars read now."""
-        return jnp.asarray(self.past.inputs * self.scale, jnp.float32)
+        return jnp.asarray(np.asarray(self.past.inputs * self.scale, np.float32))
 
     def command(self, action: jax.Array) -> np.ndarray:
         """Throttle and steering of actions; those beyond -1 to 1 count as these."""
@@ -366,8 +373,7 @@ class Trainer:
         rows = []
         seen = self.seen()
         for _ in range(HORIZON):
-            self.key, key = jax.random.split(self.key)
-            action, probability, value = decide(self.agent, seen, key)
+            action, probability, value, self.key = decide(self.agent, seen, self.key)
             was_live = self.envs.is_live.copy() if self.problem.ends_alone else self.rivals.is_learner
             reward, terminated, truncated, last = self.drive(action)
             is_over = terminated | truncated
@@ -376,13 +382,13 @@ class Trainer:
             self._sums += reward
             reward = self.problem.reward * reward
             if truncated.any():  # it would have gone on: the value of what came last stands for the rest
-                reward[truncated] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last[truncated]))
+                reward[truncated] += self.problem.discount * np.asarray(values(self.agent, last))[truncated]
             self.returns += self._sums[has_ended & self.rivals.is_learner].tolist()
             self._sums[has_ended] = 0.0
             rows.append(Rollout(seen, action, probability, value, *map(np.float32, (reward, has_ended, was_live))))
             seen = self.seen()
         self.steps += ENVS * HORIZON
-        return Rollout(*map(np.stack, zip(*rows, strict=True))), jax.vmap(self.agent.critic)(seen)
+        return Rollout(*map(np.stack, zip(*rows, strict=True))), values(self.agent, seen)
 
     def seen(self) -> jax.Array:
         """What the policies of all cars read now; at first all episodes begin."""

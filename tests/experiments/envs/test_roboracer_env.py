@@ -241,6 +241,15 @@ def test_races_of_a_vector_environment_have_the_bits_of_parallel_ones() -> None:
     assert (many.distance > 0.5 - 3.0).all()
 
 
+def test_the_cars_of_a_world_are_truncated_together_whatever_steps_were_written() -> None:
+    many = races(4, cars=2, autoreset_mode="SameStep", max_episode_steps=9)
+    many.reset(seed=1)
+    many.steps[:] = 0, 8, 3, 2  # as a learning library does that spreads the ends of the episodes
+    *_, truncated, _ = many.step(np.zeros((4, 2)))
+    assert truncated.tolist() == [True, True, False, False]
+    assert many.steps.tolist() == [0, 0, 4, 3]
+
+
 def test_a_collision_ends_the_race_of_its_world_only() -> None:
     many = races(4, cars=2, autoreset_mode="SameStep")
     seen, _ = many.reset(seed=1)

@@ -1,6 +1,7 @@
 // The race track of Build mode with mouse, touch and keys: its points are dragged, added and removed; draws the line,
 // the edges, the start line and the faults over the scene.
 import { type Point, type Projection, svg } from '../editing/outline'
+import { FIELDS } from '../fields'
 import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
 import type { TrackBuilder } from './track_builder'
@@ -12,7 +13,6 @@ const REACH = { fine: 14, coarse: 26 }
 const SLACK = 4
 /** Most places of a line that are drawn. */
 const MAX_DRAWN = 400
-const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 const ARROWS: Record<string, Point> = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }
 
 /** Handles the pointer on `canvas`; returns what is drawn over it. */

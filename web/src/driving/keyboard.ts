@@ -1,12 +1,10 @@
 // Keyboard input (report, table 12): held keys drive or move the fly camera, other keys run an action once.
 
+import { FIELDS } from '../fields'
 import type { Store } from '../store'
 import type { Driver } from './driver'
 import type { KeyAction } from './keys'
 import { actionOf, FLY_KEYS, keyOf } from './keys'
-
-/** Elements that need the keys themselves; keys do not drive while one has the focus. */
-const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 
 /** Actions of held keys -> axis and sign of the input. */
 const HELD_ACTIONS = {

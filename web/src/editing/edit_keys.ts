@@ -1,9 +1,8 @@
 // Keys of Edit mode: they move and turn the selected thing, undo and redo. Keys do not drive meanwhile.
+import { FIELDS } from '../fields'
 import type { Store } from '../store'
 import type { Editor } from './editor'
 
-/** Elements that need the keys themselves. */
-const FIELDS = 'input, select, textarea, dialog[open], [contenteditable]'
 /** Step of a key [m], [rad]; with Shift the second. */
 const STEP = [0.05, 0.01] as const
 const TURN = [Math.PI / 12, Math.PI / 180] as const

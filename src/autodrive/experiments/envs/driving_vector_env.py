@@ -200,7 +200,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""
         ended = outcome.has_ended
-        return ended, is_late | (np.repeat(self._of_worlds(ended).any(axis=1), self.car_count) & ~ended)
+        is_over = np.repeat(self._of_worlds(ended | is_late).any(axis=1), self.car_count)
+        return ended, is_late | (is_over & ~ended)
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""
