@@ -91,6 +91,7 @@ class Problem:
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
+    careful: int = 0  # steps after which it costs that; before, a car that dares little learns little
     ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
     deviation: float = -1.5  # logarithm of the standard deviation of the actions, if a policy is the beginning
     rate: float = 5e-4  # of the learning at the start
@@ -117,6 +118,9 @@ RACE = Problem(
         "mass": (0.8, 1.2),
         "latency": (0.0, 0.04),
     },
+    crash=45.0,
+    careful=1_500_000,
+    decay=1500,
 )
 HARDER = {
     "tracks": 64,
@@ -149,6 +153,7 @@ DUEL = replace(
         "max_episode_steps": 400,  # 10 s: most is decided soon after the start
     },
     crash=60.0,
+    careful=0,
     deviation=-1.8,
     rate=1.5e-4,
     value_rate=4.0,
@@ -157,7 +162,7 @@ DUEL = replace(
 )
 PROBLEMS = {
     "race": RACE,
-    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=24000),
+    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, careful=0, rate=2e-4, decay=24000),
     "duel": DUEL,
     "overtake": replace(
         DUEL,
@@ -378,8 +383,9 @@ class Trainer:
             reward, terminated, truncated, last = self.drive(action)
             is_over = terminated | truncated
             has_ended = was_live & (is_over | ~self.envs.is_live) if self.problem.ends_alone else is_over
-            reward = reward - self.problem.crash * (terminated & has_ended)
             self._sums += reward
+            if self.steps >= self.problem.careful:
+                reward = reward - self.problem.crash * (terminated & has_ended)
             reward = self.problem.reward * reward
             if truncated.any():  # it would have gone on: the value of what came last stands for the rest
                 reward[truncated] += self.problem.discount * np.asarray(values(self.agent, last))[truncated]
