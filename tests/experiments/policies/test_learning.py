@@ -56,6 +56,9 @@ def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_pat
     assert again.returns == first.returns
     for ours, theirs in zip(again.policy().layers, first.policy().layers, strict=True):
         assert all(np.array_equal(one, other) for one, other in zip(ours, theirs, strict=True))
+    assert -7.0 < np.min(again.rollout()[0].reward) / again.problem.reward < -4.0  # of a collision
+    again.steps = again.problem.careful
+    assert -52.0 < np.min(again.rollout()[0].reward) / again.problem.reward < -49.0
     for _ in range(4):
         first.improve()
     assert early < 0.0
