@@ -63,12 +63,11 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
 
         return act
 
-    ends = [show(Team(task, start), 1, seed, mode=None) for seed in range(6)]
-    hits = [one for one in ends if one.has_collided.all()]
-    assert hits
-    for one in hits:
-        assert one.is_at_fault.tolist() == [[False, True]]
-        assert not one.is_success.any()
+    results = show(Team(task, start), 6, mode=None)
+    hits = results.has_collided.all(axis=1)
+    assert hits.any()
+    assert (results.is_at_fault[hits] == [False, True]).all()
+    assert not results.is_success[hits].any()
 
 
 def test_a_policy_of_another_task_is_refused() -> None:
