@@ -52,7 +52,7 @@ def test_two_policies_race_with_the_same_bits_in_one_world_and_in_many() -> None
 
 
 def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
-    """V1 stands; V2 drives to it, from behind or from ahead."""
+    """V1 stands; V2, which starts behind it with these seeds, drives to it."""
     task = duel_team(Policy.find("race"), Policy.find("race")).task
 
     def start(_: int) -> Act:
@@ -63,11 +63,10 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
 
         return act
 
-    results = show(Team(task, start), 6, mode=None)
-    hits = results.has_collided.all(axis=1)
-    assert hits.any()
-    assert (results.is_at_fault[hits] == [False, True]).all()
-    assert not results.is_success[hits].any()
+    results = show(Team(task, start), 3, seed=1, mode=None)
+    assert results.has_collided.all()
+    assert results.is_at_fault.tolist() == [[False, True]] * 3
+    assert not results.is_success.any()
 
 
 def test_a_policy_of_another_task_is_refused() -> None:
