@@ -120,7 +120,7 @@ MALFORMED_VALUES = [
     {"V1 Orientation Quaternion": "0 0 0 0"},
     {"V1 LIDAR Range Array": "H4s"},
     {"V1 LIDAR Range Array": "H4sIAAAA"},
-    {"V1 LIDAR Range Array": base64.b64encode(gzip.compress(bytes(50_000_000))).decode()},
+    {"V1 LIDAR Range Array": base64.b64encode(gzip.compress(bytes(50_000_000), 1)).decode()},
     {"V1 LIDAR Range Array": "H4s" + "A" * 100},
     {"V1 LIDAR Range Array": "one two"},
     {"V1 LIDAR Range Array": 3},

@@ -140,12 +140,10 @@ EXPORTS = {"recording/exports/lerobot.py", "recording/exports/recorder_layout.py
 WRITERS = {"write_text", "write_bytes", "mkstemp", "mkdtemp", "TemporaryFile", "NamedTemporaryFile", "savez", "tofile"}
 
 
-def writes(module: Path) -> set[str]:
-    """Names of the functions with which a module may write a file."""
+def writes(calls: Iterable[ast.Call]) -> set[str]:
+    """Names of those functions that may write a file."""
     found = set()
-    for node in ast.walk(ast.parse(module.read_text())):
-        if not isinstance(node, ast.Call):
-            continue
+    for node in calls:
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         values = [*node.args, *(keyword.value for keyword in node.keywords)]
         texts = {value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)}
@@ -157,9 +155,15 @@ def writes(module: Path) -> set[str]:
 
 
 def test_every_place_that_writes_is_attacked_here() -> None:
-    modules = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
-    assert {name: found for name, path in modules.items() if (found := writes(path))} == OTHERS
-    callers = {name for name, path in modules.items() if FUNCTIONS & _calls(path)}
+    writers, callers = {}, set()
+    for path in PACKAGE.rglob("*.py"):
+        name = path.relative_to(PACKAGE).as_posix()
+        calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+        if found := writes(calls):
+            writers[name] = found
+        if FUNCTIONS & {call.func.id for call in calls if isinstance(call.func, ast.Name)}:
+            callers.add(name)
+    assert writers == OTHERS
     assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS | NEW
 
 
@@ -228,12 +232,6 @@ def test_a_film_that_cannot_be_written_raises_one_line(disk: tuple[Path, str]) -
 
     one_line("cannot be written", film)
     assert not list(folder.glob("*.webm"))
-
-
-def _calls(path: Path) -> set[str]:
-    """Calls of functions by their name alone."""
-    calls = (node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call))
-    return {function.id for function in calls if isinstance(function, ast.Name)}
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
 
 from autodrive.base.cache import PACKAGE
 from autodrive.connect.bridge.devkit import DevkitBridge
@@ -23,6 +23,9 @@ from autodrive.run.recordings import ClientRecordings
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
 from tests.support.page import ROOT, NewTab, PageServer, Tab, tabs
+
+if TYPE_CHECKING:  # imported in each process of the tests otherwise
+    from playwright.sync_api import Browser
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = [
@@ -41,6 +44,8 @@ def built() -> Path:
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
+    from playwright.sync_api import sync_playwright
+
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
         pytest.fail("the tests of the page need a browser. Install one: sudo apt-get install chromium")

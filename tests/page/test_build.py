@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from playwright.sync_api import Dialog
 
 import autodrive
 from autodrive.base.yaml_files import read
@@ -21,6 +20,9 @@ from tests.page.test_edit import drag, on_screen
 from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Dialog
 
 
 def parts(tab: Tab) -> dict[str, dict[str, Any]]:

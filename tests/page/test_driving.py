@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Future
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from playwright.sync_api import Route
 
 from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, Resume, Step
 from autodrive.protocol.native import Source
 from tests.support.page import NewTab, PageServer, Tab
 from tests.support.waiting import LIMIT
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Route
 
 
 def yaw(server: PageServer) -> float:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import shapely
-from playwright.sync_api import Download
 
 from autodrive import Command
 from autodrive.base.png import encode_png
@@ -18,6 +17,9 @@ from autodrive.scenario.tracks.importer import export_track
 from autodrive.scenario.tracks.track import Track
 from tests.page.test_track_builder import OVAL, line, opened
 from tests.support.page import NewTab, PageServer, Tab
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Download
 
 DROP = """files => {
     const data = new DataTransfer()

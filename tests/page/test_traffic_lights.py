@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from autodrive.protocol.messages import SetSceneLight, SetTrafficLight, TrafficLightState
@@ -25,17 +24,15 @@ def before_the_light(running: PageServer, tmp_path: Path) -> PageServer:
     return running
 
 
-def lens(tab: Tab, color: str) -> np.ndarray:
-    """Colour of the middle of a lens, 0 to 1."""
-    column, row = map(round, tab.value(f"view.screenPoint({LENS_X}, {FOOT[1]}, {LAMP_HEIGHTS[color]})"))
-    return tab.pixels()[row - 1 : row + 2, column - 1 : column + 2].mean((0, 1))
-
-
-def is_lit(tab: Tab, color: str) -> bool:
-    """Far from the colour of the dark lens: bright, and red, yellow or green."""
-    red, green, blue = lens(tab, color)
-    has_hue = {"red": red > 1.5 * green, "yellow": red > green > 1.5 * blue, "green": green > 1.5 * red}[color]
-    return bool(max(red, green) > 0.85 and has_hue)
+def lit(tab: Tab) -> dict[str, bool]:
+    """Whether each lens is far from its dark colour: bright, and red, yellow or green; of one image."""
+    image, found = tab.pixels(), {}
+    for color, height in LAMP_HEIGHTS.items():
+        column, row = map(round, tab.value(f"view.screenPoint({LENS_X}, {FOOT[1]}, {height})"))
+        red, green, blue = image[row - 1 : row + 2, column - 1 : column + 2].mean((0, 1))
+        has_hue = {"red": red > 1.5 * green, "yellow": red > green > 1.5 * blue, "green": green > 1.5 * red}[color]
+        found[color] = bool(max(red, green) > 0.85 and has_hue)
+    return found
 
 
 def test_the_lit_lamp_is_seen_by_day_and_at_night(
@@ -48,5 +45,5 @@ def test_the_lit_lamp_is_seen_by_day_and_at_night(
         before_the_light.request(SetSceneLight(is_day))
         for state in TrafficLightState:
             before_the_light.request(SetTrafficLight(LIGHT, state))
-            lit = {color: color == state.name.lower() for color in LAMP_HEIGHTS}
-            tab.wait_until(lambda lit=lit: {color: is_lit(tab, color) for color in LAMP_HEIGHTS} == lit)
+            expected = {color: color == state.name.lower() for color in LAMP_HEIGHTS}
+            tab.wait_until(lambda expected=expected: lit(tab) == expected)

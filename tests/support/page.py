@@ -9,18 +9,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, CDPSession, ConsoleMessage, Locator, Page, Request, ViewportSize
 
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.server import Server
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Frame, VehicleFrame
 from autodrive.world.simulation import Simulation
+
+if TYPE_CHECKING:  # imported in each process of the tests otherwise
+    from playwright.sync_api import Browser, CDPSession, ConsoleMessage, Locator, Page, Request
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT = 180.0
@@ -228,8 +230,9 @@ def tabs(browser: Browser) -> Iterator[NewTab]:
             touch: bool = False,
             is_first_visit: bool = False,
         ) -> Tab:
-            viewport = ViewportSize(width=size[0], height=size[1])
-            context = browser.new_context(viewport=viewport, has_touch=touch, is_mobile=touch)
+            context = browser.new_context(
+                viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch
+            )
             stack.callback(context.close)
             script += "" if is_first_visit else f";{SEEN}"
             context.add_init_script(script + ("" if draws else NO_DRAWING))
