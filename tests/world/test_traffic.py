@@ -226,10 +226,10 @@ class Drive(NamedTuple):
     indicators: np.ndarray
 
 
-@pytest.fixture(scope="module", params=[0, 1])
-def town(request: pytest.FixtureRequest) -> Drive:
-    """90 s, with that seed."""
-    world = world_of(seed=request.param)
+@pytest.fixture(scope="module")
+def town() -> Drive:
+    """90 s."""
+    world = world_of()
     names, drivers = traffic_of(world).names, traffic_of(world).drivers
     events: list[Any] = []
     rows = []

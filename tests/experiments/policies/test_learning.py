@@ -21,14 +21,16 @@ LEARNING = Path(__file__).parents[3] / "examples" / "learning"
 EXAMPLE = str(LEARNING / "ppo.py")
 
 
-@pytest.fixture
-def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Else each trainer of a test compiles the same functions again."""
+@pytest.fixture(autouse=True, scope="module")
+def _compiled_once(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Else each trainer compiles the same functions again, in each run of the tests."""
     import jax  # here: each worker collects this file, and the import takes a second
 
+    assert pytestconfig.cache is not None
+    folder = pytestconfig.cache.mkdir("jax")
     names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
     before = [getattr(jax.config, name) for name in names]
-    for name, value in zip(names, (str(tmp_path_factory.mktemp("jax")), 0.0), strict=True):
+    for name, value in zip(names, (str(folder), 0.0), strict=True):
         jax.config.update(name, value)
     yield
     for name, value in zip(names, before, strict=True):
@@ -36,7 +38,6 @@ def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_once")
 def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_path: Path) -> None:
     """Cars crash at first; after 50,000 steps they drive some metres, on tracks without tight curves."""
     import jax.numpy as jnp  # here: each worker collects this file, and the import takes a second

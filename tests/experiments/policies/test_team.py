@@ -33,20 +33,14 @@ def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
 
 
 @pytest.mark.slow
-def test_the_included_policy_beats_that_for_single_cars_in_a_duel() -> None:
-    """In the 200 races that the documentation counts."""
-    results = drive(duel_team(Policy.find("head_to_head"), Policy.find("race"), has_noise=True), 200, seed=0)
-    assert results.is_success[:, 0].mean() >= 0.6
-    assert results.has_collided.any(axis=1).mean() <= 0.1
-
-
-@pytest.mark.slow
-def test_the_included_policy_beats_follow_the_gap_in_a_duel() -> None:
-    """Likewise."""
-    file = Path(__file__).parents[3] / "examples" / "racing" / "follow_the_gap.py"
-    results = drive(duel_team(Policy.find("head_to_head"), program(file), has_noise=True), 200, seed=0)
-    assert results.is_success[:, 0].mean() >= 0.9
-    assert results.has_collided.any(axis=1).mean() <= 0.1
+@pytest.mark.parametrize(("rival", "wins", "collisions"), [("race", 0.65, 0.07), ("follow_the_gap", 0.95, 0.05)])
+def test_the_included_policy_beats_others_in_a_duel(rival: str, wins: float, collisions: float) -> None:
+    """In the first 60 of the races that the documentation counts: with one more loss or two, it fails."""
+    examples = Path(__file__).parents[3] / "examples" / "racing"
+    other = Policy.find("race") if rival == "race" else program(examples / f"{rival}.py")
+    results = drive(duel_team(Policy.find("head_to_head"), other, has_noise=True), 60, seed=0)
+    assert results.is_success[:, 0].mean() >= wins
+    assert results.has_collided.any(axis=1).mean() <= collisions
 
 
 def test_two_policies_race_with_the_same_bits_in_one_world_and_in_many() -> None:
@@ -58,7 +52,7 @@ def test_two_policies_race_with_the_same_bits_in_one_world_and_in_many() -> None
 
 
 def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
-    """V1 stands; V2 drives to it, from behind or from ahead."""
+    """V1 stands; V2, which starts behind it with these seeds, drives to it."""
     task = duel_team(Policy.find("race"), Policy.find("race")).task
 
     def start(_: int) -> Act:
@@ -69,12 +63,10 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
 
         return act
 
-    ends = [show(Team(task, start), 1, seed, mode=None) for seed in range(6)]
-    hits = [one for one in ends if one.has_collided.all()]
-    assert hits
-    for one in hits:
-        assert one.is_at_fault.tolist() == [[False, True]]
-        assert not one.is_success.any()
+    results = show(Team(task, start), 3, seed=1, mode=None)
+    assert results.has_collided.all()
+    assert results.is_at_fault.tolist() == [[False, True]] * 3
+    assert not results.is_success.any()
 
 
 def test_a_policy_of_another_task_is_refused() -> None:
