@@ -96,6 +96,7 @@ def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: Page
 
 def test_the_crossing_of_tiny_town_is_rebuilt_by_clicks(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab, size=(1280, 800))
+    plane.request(Pause())  # as above
     tab.get("build-template").select_option("empty")
     tab.wait_until(lambda: len(parts(tab)) == 2)
     tab.click("piece-four_way_intersection")
@@ -197,6 +198,7 @@ def test_a_piece_snaps_within_a_distance_on_the_screen_and_to_ends_of_its_width(
 
 def test_each_action_is_one_step_that_is_undone_and_made_again(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab)
+    plane.request(Pause())  # as above
     curve = MapModule("curved_road", 0.8, 1.1)
     wall = MapWall(((0.5, -0.6), (1.1, -0.6)), 0.2)
     start: dict[str, Any] = {"a": STRAIGHT, "curve": curve, "wall": wall, "sign": MapProp("stop", -0.8, -0.6, 0.0)}

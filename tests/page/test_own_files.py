@@ -68,7 +68,6 @@ def test_a_dropped_map_of_map_server_becomes_a_track(plane: PageServer, new_tab:
     tab.get("picture").wait_for()
     assert "practice_map.yaml has the scale" in tab.text("picture-scale")
     assert not tab.get("picture-length").is_visible()
-    tab.page.screenshot(path="/tmp/picture_sheet.png")
     tab.click("picture-use")
     tab.wait_until(lambda: track_of(plane) is not None)
     track = track_of(plane)
@@ -182,7 +181,6 @@ def test_a_track_is_saved_in_the_folder_opened_from_it_and_replaced_after_a_ques
     before = (folder / "my oval.yaml").read_text()
     save("my oval")
     tab.get("replace-dialog").wait_for()
-    tab.page.screenshot(path="/tmp/own_replace.png")
     tab.click("replace-dialog-cancel")
     assert (folder / "my oval.yaml").read_text() == before
     own = tab.get("build-own")

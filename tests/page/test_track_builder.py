@@ -69,7 +69,6 @@ def test_a_track_of_sixty_metres_is_dragged_saved_and_lapped(
     assert plane.simulation.undo_name == "remove a point of the track"
     at = plane.simulation.world.pose("V1")[:2].tolist()
     tab.wait_until(lambda: tab.value("[...store.frame.value.vehicles.V1.pose.position]")[:2] == pytest.approx(at))
-    tab.page.screenshot(path="/tmp/track_built.png")
     assert tab.value("store.scene.value.track_scene.problems") == []
     assert "12 points, 59" in tab.text("track-state")
     tab.click("build-save")
@@ -126,7 +125,6 @@ def test_faults_are_shown_while_a_point_is_dragged_and_a_finger_and_keys_move_po
     tab.wait_until(lambda: line(tab)["width"] == 1.6)
     tab.get("track-barrier").select_option("duct")
     tab.wait_until(lambda: line(tab)["barrier"] == "duct")
-    tab.page.screenshot(path="/tmp/track_touch.png")
 
 
 def test_a_link_contains_the_track_and_a_dropped_file_is_opened(plane: PageServer, new_tab: NewTab) -> None:
