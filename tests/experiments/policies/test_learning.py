@@ -26,8 +26,7 @@ def _compiled_once(pytestconfig: pytest.Config) -> Iterator[None]:
     """Else each trainer compiles the same functions again, in each run of the tests."""
     import jax  # here: each worker collects this file, and the import takes a second
 
-    assert pytestconfig.cache is not None
-    folder = pytestconfig.cache.mkdir("jax")
+    folder = pytestconfig.rootpath / ".pytest_cache" / "jax"
     names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
     before = [getattr(jax.config, name) for name in names]
     for name, value in zip(names, (str(folder), 0.0), strict=True):
