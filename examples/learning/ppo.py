@@ -91,7 +91,7 @@ class Problem:
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
-    careful: int = 0  # steps after which it costs that; before, a car that dares little learns little
+    careful: int = 0  # steps after which it costs that; before, it costs what the environment takes
     ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
     deviation: float = -1.5  # logarithm of the standard deviation of the actions, if a policy is the beginning
     rate: float = 5e-4  # of the learning at the start
@@ -364,7 +364,7 @@ class Trainer:
 
     def read(self) -> jax.Array:
         """What the policies of all cars read now."""
-        return jnp.asarray(np.asarray(self.past.inputs * self.scale, np.float32))
+        return jnp.asarray(self.past.inputs * self.scale, jnp.float32)
 
     def command(self, action: jax.Array) -> np.ndarray:
         """Throttle and steering of actions; those beyond -1 to 1 count as these."""
