@@ -10,7 +10,8 @@ mass, and dearer collisions), "duel" (two of them in each race, driven by the po
 or by other drivers), "overtake" (such a driver learns to keep its distance and to pass), "crossing" (four cars Nigel
 drive through a crossing, all driven by the policy that learns), and "lane" (car Nigel, lane keeping). `--begin-with`
 gives "robust", "duel" and "overtake" the beginning: runs/race, or a policy. The output folder gets checkpoint.eqx,
-policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
+policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there. "race" and "robust" drive laps
+each minute: then policy.npz is the last policy that was clean, if there was one.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
 arXiv:1506.02438); that of "overtake" is DAgger (Ross et al., arXiv:1011.0686).
@@ -359,6 +360,7 @@ class Trainer:
         self.rivals = Rivals(self.problem, names, self.envs)
         self.rivals.use(PAST, self.policy())
         self.only_values = 0  # rollouts from which only the values are learnt
+        self.is_kept = False  # whether the policy in the output folder is a kept one
         self.returns: list[float] = []
         self._sums = np.zeros(ENVS)
         self._seen: jax.Array | None = None
@@ -442,11 +444,11 @@ class Trainer:
         if self.steps % (RENEWAL * ENVS * HORIZON) == 0:
             self.rivals.use(PAST, self.policy())
 
-    def policy(self) -> Policy:
-        """The mean of the actions as a file that needs no JAX."""
+    def policy(self, **about: Any) -> Policy:
+        """The mean of the actions as a file that needs no JAX; `about`: more about its training."""
         layers = tuple((np.asarray(one.weight), np.asarray(one.bias)) for one in self.agent.actor.layers)
         training = {"command": " ".join(sys.argv), "seed": self.seed, "steps": self.steps}
-        training |= {"autodrive": autodrive.__version__, "jax": jax.__version__}
+        training |= {"autodrive": autodrive.__version__, "jax": jax.__version__, **about}
         return Policy(
             self.envs.task.name,
             self.inputs,
@@ -457,13 +459,21 @@ class Trainer:
         )
 
     def save(self, folder: Path) -> None:
-        """Write the checkpoint and the policy."""
+        """Write the checkpoint, and the policy if none was kept."""
         eqx.tree_serialise_leaves(folder / "checkpoint.eqx", self._learnt())
-        self.policy().save(folder / "policy.npz")
+        if not self.is_kept:
+            self.policy().save(folder / "policy.npz")
+
+    def keep(self, folder: Path) -> None:
+        """Write the policy, which drives clean laps: only such a one replaces it."""
+        self.policy(clean_laps=LAPS).save(folder / "policy.npz")
+        self.is_kept = True
 
     def resume(self, folder: Path) -> None:
         """Go on from a checkpoint; all cars begin a new episode."""
-        self._drive_like(Policy.load(folder / "policy.npz"))
+        before = Policy.load(folder / "policy.npz")
+        self._drive_like(before)
+        self.is_kept = "clean_laps" in before.training
         learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
         self.agent, self.memory, self.key, self.steps, self.seconds = learnt
 
@@ -656,7 +666,8 @@ def main() -> None:
         trainer.resume(options.output)
     start = START - trainer.seconds
     checked = tried = trainer.seconds  # when the last checkpoint was written, when laps were driven
-    driven = 0  # after so many steps
+    interval = TRY_INTERVAL if options.until_clean else CHECK_INTERVAL
+    driven = 0  # laps after so many steps
     is_stopped = False
     columns = [TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.1f} of {task.total:g} min")]
     with (options.output / "curve.csv").open("a" if options.resume else "w") as file, Progress(*columns) as progress:
@@ -673,24 +684,26 @@ def main() -> None:
                 rate = trainer.steps / trainer.seconds
                 text = f"{trainer.steps} steps, {rate:.0f} steps/s, mean return {mean:.2f}"
                 progress.update(bar, completed=trainer.seconds / 60.0, description=text)
+                if options.problem in ALONE and trainer.seconds - tried > interval:
+                    tried, driven = trainer.seconds, trainer.steps
+                    if is_clean(trainer.policy()):
+                        trainer.keep(options.output)
+                        if options.until_clean:
+                            minutes = (time.monotonic() - start) / 60.0
+                            print(f"clean laps on all tracks after {minutes:.1f} min, {trainer.steps} steps")
+                            break
                 if trainer.seconds - checked > CHECK_INTERVAL:
                     checked = trainer.seconds
                     trainer.save(options.output)
                     file.flush()
-                if options.until_clean and trainer.seconds - tried > TRY_INTERVAL:
-                    tried, driven = trainer.seconds, trainer.steps
-                    if is_clean(trainer.policy()):
-                        minutes = (time.monotonic() - start) / 60.0
-                        print(f"clean laps on all tracks after {minutes:.1f} min, {trainer.steps} steps")
-                        break
                 is_over = time.monotonic() - start >= 60.0 * options.minutes or trainer.steps >= options.steps
         except KeyboardInterrupt:
             print("stopped; --resume goes on")
             is_stopped = True
     trainer.save(options.output)
     draw_curve(options.output)
-    if options.problem in ALONE and not is_stopped and driven != trainer.steps:
-        is_clean(trainer.policy())
+    if options.problem in ALONE and not is_stopped and driven != trainer.steps and is_clean(trainer.policy()):
+        trainer.keep(options.output)
 
 
 if __name__ == "__main__":

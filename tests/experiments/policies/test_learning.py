@@ -69,6 +69,14 @@ def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_pat
     resumed.resume(tmp_path)
     assert resumed.steps == 2 * 64 * 128
     resumed.improve()
+    resumed.keep(tmp_path)
+    kept = Policy.load(tmp_path / "policy.npz")
+    resumed.improve()
+    resumed.save(tmp_path)  # of a policy that has not driven clean laps
+    again.resume(tmp_path)
+    assert again.steps == 4 * 64 * 128
+    again.save(tmp_path)
+    assert kept.training["steps"] == Policy.load(tmp_path / "policy.npz").training["steps"] == 3 * 64 * 128
     inputs = np.linspace(0.0, 3.0, len(first.inputs))
     expected = first.agent.actor(jnp.asarray(inputs * first.scale, jnp.float32))
     assert first.policy().outputs(inputs) == pytest.approx(np.clip(expected, -1.0, 1.0).tolist(), abs=1e-5)
@@ -224,17 +232,29 @@ def test_a_guarded_car_can_brake_behind_its_rival_and_steers_beside_a_slow_one(t
         assert guarded(ahead, left, 2.0, 8.0) == pytest.approx([8.0, 0.0, near])
 
 
-@pytest.mark.parametrize(("minutes", "laps"), [("0.1", [1]), ("1.4", [1]), ("1.5", [1, 2]), ("30", [1, 2, 3])])
+@pytest.mark.parametrize(
+    ("options", "laps", "kept"),
+    [
+        ("0.1 --until-clean", [1], []),
+        ("1.4 --until-clean", [1], []),
+        ("1.5 --until-clean", [1, 2], []),
+        ("30 --until-clean", [1, 2, 3], [3]),
+        ("0.1", [1], []),
+        ("3.1", [2, 3], [3]),
+        ("5", [2, 3, 4, 5], [3]),
+    ],
+)
 def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    minutes: str,
+    options: str,
     laps: list[int],
+    kept: list[int],
 ) -> None:
     """With a clock that passes 20 s in the imports, 40 s in each improvement, and 25 s in the laps of a policy."""
     example: Any = runpy.run_path(EXAMPLE)["main"].__globals__
-    now, driven = [20.0], []
+    now, driven, clean = [20.0], [], []
 
     class Learner:
         steps, seconds, returns = 0, 0.0, (1.0,)
@@ -247,6 +267,9 @@ def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
 
         def save(self, folder: Path) -> None: ...
 
+        def keep(self, folder: Path) -> None:
+            clean.append(self.steps)
+
         def policy(self) -> int:
             return self.steps
 
@@ -258,12 +281,11 @@ def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
     time = types.SimpleNamespace(monotonic=lambda: now[0])
     for name, value in {"Trainer": Learner, "is_clean": is_clean, "START": 0.0, "time": time}.items():
         monkeypatch.setitem(example, name, value)
-    arguments = ["race", "--minutes", minutes, "--until-clean", "--output", str(tmp_path)]
-    monkeypatch.setattr("sys.argv", ["ppo.py", *arguments])
+    monkeypatch.setattr("sys.argv", ["ppo.py", "race", "--output", str(tmp_path), "--minutes", *options.split()])
     example["main"]()
-    assert driven == laps
-    clean = "clean laps on all tracks after 3.6 min, 3 steps"  # 20 + 3 * 40 + 3 * 25 s
-    assert (clean in capsys.readouterr().out) == (len(laps) == 3)
+    assert (driven, clean) == (laps, kept)
+    message = "clean laps on all tracks after 3.6 min, 3 steps"  # 20 + 3 * 40 + 3 * 25 s
+    assert (message in capsys.readouterr().out) == (options == "30 --until-clean")
 
 
 def test_the_risk_of_known_rates_is_found() -> None:
