@@ -11,7 +11,7 @@ or by other drivers), "overtake" (such a driver learns to keep its distance and 
 drive through a crossing, all driven by the policy that learns), and "lane" (car Nigel, lane keeping). `--begin-with`
 gives "robust", "duel" and "overtake" the beginning: runs/race, or a policy. The output folder gets checkpoint.eqx,
 policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there. "race" and "robust" drive laps
-each minute: then policy.npz is the last policy that was clean, if there was one.
+each 819,200 steps: then policy.npz is the last policy that was clean, if there was one.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
 arXiv:1506.02438); that of "overtake" is DAgger (Ross et al., arXiv:1011.0686).
@@ -54,6 +54,7 @@ TRACE, CLIP = 0.95, 0.2
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 TRY_INTERVAL = 3.0  # between two tries with --until-clean [s]
+TRY_STEPS = 100 * ENVS * HORIZON  # between two tries else: so the same seed keeps the same policy
 ALONE = "race", "robust"  # problems whose policy drives laps on the shipped tracks
 LAPS = 10  # of a try, on each track
 GAP, PAST = "gap", "past"  # rivals: the example of a race, and the policy of some updates ago; others are policies
@@ -666,8 +667,7 @@ def main() -> None:
         trainer.resume(options.output)
     start = START - trainer.seconds
     checked = tried = trainer.seconds  # when the last checkpoint was written, when laps were driven
-    interval = TRY_INTERVAL if options.until_clean else CHECK_INTERVAL
-    driven = 0  # laps after so many steps
+    driven = trainer.steps  # laps after so many steps
     is_stopped = False
     columns = [TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.1f} of {task.total:g} min")]
     with (options.output / "curve.csv").open("a" if options.resume else "w") as file, Progress(*columns) as progress:
@@ -684,7 +684,10 @@ def main() -> None:
                 rate = trainer.steps / trainer.seconds
                 text = f"{trainer.steps} steps, {rate:.0f} steps/s, mean return {mean:.2f}"
                 progress.update(bar, completed=trainer.seconds / 60.0, description=text)
-                if options.problem in ALONE and trainer.seconds - tried > interval:
+                is_due = trainer.seconds - tried > TRY_INTERVAL
+                if not options.until_clean:
+                    is_due = trainer.steps - driven >= TRY_STEPS
+                if options.problem in ALONE and is_due:
                     tried, driven = trainer.seconds, trainer.steps
                     if is_clean(trainer.policy()):
                         trainer.keep(options.output)
