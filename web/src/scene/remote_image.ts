@@ -31,10 +31,16 @@ export class RemoteImage {
     this.hasImage = false
   }
 
-  /** Shows the canvas below again. */
-  hide(): void {
+  /** Shows the canvas below until the next image. */
+  uncover(): void {
     this.overlay.style.display = 'none'
-    this.hasImage = this.isShown = false
+    this.hasImage = false
+  }
+
+  /** Shows the canvas below, and drops images that are not decoded yet. */
+  hide(): void {
+    this.uncover()
+    this.isShown = false
     this.next = null
   }
 

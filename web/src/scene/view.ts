@@ -421,7 +421,8 @@ class View implements SceneView {
     if (wasDrawn) this.took = dt
     if (this.render(now, Math.min(dt, 0.25))) {
       this.drawnAt = now
-      this.remote.hide()
+      if (this.isStreamWanted) this.remote.uncover()
+      else this.remote.hide()
       if (wasDrawn && this.store.quality.value === 'auto') this.judge(dt, now)
     }
     this.store.imageCount.value += 1
