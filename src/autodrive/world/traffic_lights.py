@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ STOP_REACH = 1.0
 """It must have stopped with its front within so many of its lengths before the stop line."""
 OFF, RED, YELLOW, GREEN = TrafficLightState
 RED_STATE = int(RED)
-_DARK = TrafficLightFrame(OFF, None, "off")
+_Phase: TypeAlias = tuple[TrafficLightState, int | None, Literal["off", "program", "flashing"]]
+"""What a light shows, the tick at which that changes (None: never), and its mode."""
 
 
 class LightTable(NamedTuple):
@@ -62,6 +63,9 @@ class TrafficLights:
         self._half_flash = max(1, round(0.5 * FLASH_PERIOD / tick))
         self.set_states: dict[str, TrafficLightState] = {}
         """States that were set by a request."""
+        self._phases: list[_Phase] = []
+        """Of the cycles, from one tick on and until another one, while there is no time of day."""
+        self._since, self._until = 0, 0.0
 
     def __len__(self) -> int:
         return len(self._cycle_of)
@@ -87,7 +91,14 @@ class TrafficLights:
 
     def at(self, tick: int, time_of_day: float | None) -> dict[str, TrafficLightFrame]:
         """What they show. `time_of_day` [s since midnight]; None: the light of the scene is fixed."""
-        shown = [self._at(cycle, tick, time_of_day) for cycle in self._cycles]
+        if time_of_day is not None or not self._since <= tick < self._until:
+            self._phases = [self._phase(cycle, tick, time_of_day) for cycle in self._cycles]
+            ends = [end for _, end, _ in self._phases if end is not None]
+            self._since, self._until = tick, min(ends, default=math.inf) if time_of_day is None else tick
+        shown = [
+            TrafficLightFrame(state, None if end is None else (end - tick) * self._tick, mode)
+            for state, end, mode in self._phases
+        ]
         frames = {name: shown[k] for name, k in self._cycle_of.items()}
         for name, state in self.set_states.items():
             frames[name] = TrafficLightFrame(state, None, "set")
@@ -110,15 +121,14 @@ class TrafficLights:
             tick=self._tick,
         )
 
-    def _at(self, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
+    def _phase(self, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> _Phase:
         if cycle is None:
-            return _DARK
+            return OFF, None, "off"
         if cycle.flashes(time_of_day):
-            halves, part = divmod(tick, self._half_flash)
-            state = OFF if halves % 2 else YELLOW
-            return TrafficLightFrame(state, (self._half_flash - part) * self._tick, "flashing")
+            halves = tick // self._half_flash
+            return OFF if halves % 2 else YELLOW, (halves + 1) * self._half_flash, "flashing"
         state, ticks = cycle.at(tick)
-        return TrafficLightFrame(state, None if ticks is None else ticks * self._tick, "program")
+        return state, None if ticks is None else tick + ticks, "program"
 
 
 @jit_uncounted
