@@ -249,6 +249,23 @@ def test_lights_of_a_batch_are_those_of_single_worlds_at_different_ticks(time_of
     assert agrees()
 
 
+def test_lights_show_what_they_showed_at_that_tick_after_jumps_in_time() -> None:
+    world = town(tick=0.1, substep=0.005)
+    saved = [(world.save(), world.frame.traffic_lights)]
+    for _ in range(3):
+        driven(world, 90)
+        saved.append((world.save(), world.frame.traffic_lights))
+    world.set_time_of_day(0.0)  # they flash
+    saved.append((world.save(), world.frame.traffic_lights))
+    for place in (1, 4, 1, 0, 3, 4, 2, 4, 0):
+        state, lights = saved[place]
+        world.restore(state)
+        assert world.frame.traffic_lights == lights
+    assert [lights[EAST_WEST].mode for _, lights in saved] == ["program"] * 4 + ["flashing"]
+    world.restore(saved[4][0])
+    assert world.reset().traffic_lights == saved[0][1]
+
+
 # -- the crossing ------------------------------------------------------------------------------------------------
 
 
