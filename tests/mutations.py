@@ -211,7 +211,9 @@ class Suite:
                     return Result()
                 if status is None:
                     return Result("time-out")
-                name, error = next(iter(failures(output)), ("tests", output[-200:]))
+                if not failures(output):  # for example a memory fault, which ends the process
+                    return Result("tests", output[-200:])
+                name, error = failures(output)[0]
                 if self._pytest(cache, name)[0] != 0:
                     return Result(name, error[:200])
                 excluded.append(name)
