@@ -14,7 +14,7 @@ import eventlet.wsgi
 import socketio
 
 port, thinking_time = int(sys.argv[sys.argv.index("--port") + 1]), float(sys.argv[sys.argv.index("--think") + 1])
-sio = socketio.Server(async_mode="eventlet", ping_interval=1, ping_timeout=2)
+sio = socketio.Server(async_mode="eventlet", ping_interval=1, ping_timeout=5)
 
 
 @sio.on("disconnect")
