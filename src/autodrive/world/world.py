@@ -753,7 +753,7 @@ class World(OneThread):
             scene_light,
             time_of_day,
             races=self.race and self.race.states(time),
-            traffic_lights=self._lights_now() if self._traffic_lights else {},
+            traffic_lights=self._traffic_lights.at(self._tick, time_of_day) if self._traffic_lights else {},
         )
         if self._v2x is not None:
             frame = self._v2x.heard(frame)
