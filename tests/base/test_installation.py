@@ -107,7 +107,8 @@ def test_a_mixed_installation_is_refused_at_start_in_one_line(tmp_path: Path) ->
         capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": str(tmp_path)},
     )  # fmt: skip
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
+    # a start that takes seconds, on a loaded machine, says so
+    (line,) = [one for one in done.stderr.splitlines() if not one.startswith("starting the simulator, ")]
     assert "mujoco 3.17.0 and mujoco-core" in line
     assert "uninstall" in line
 

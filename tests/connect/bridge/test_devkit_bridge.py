@@ -230,6 +230,7 @@ def test_scans_have_the_format_that_the_commands_imply(
 
 def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: Simulation) -> None:
     received: list[list[str]] = []
+    resends: list[int] = []
 
     def answer(connection: ServerConnection, data: dict[str, str]) -> None:
         received[-1].append(data["V1 LIDAR Range Array"][:4])
@@ -240,8 +241,11 @@ def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: 
             received.append([])
             with engine_io_4(answer) as port:
                 bridge.connect("127.0.0.1", port)
-                wait_until(lambda: len(received[-1]) > 5)
-    assert received[0][:2] == ["inf ", "H4sI"]
+                wait_until(lambda: len(received[-1]) > 5 + bridge.counters.resends)
+                resends.append(bridge.counters.resends)
+    before_an_answer = received[0].count("inf ")
+    assert 1 <= before_an_answer <= 1 + resends[0]  # on a loaded machine, an answer comes late
+    assert set(received[0][before_an_answer:]) == {"H4sI"}
     assert set(received[1]) == {"H4sI"}
 
 
