@@ -305,7 +305,8 @@ def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int, degrees: 
         quaternion_from_yaw(rng.uniform(-3, 3)),
         quaternion_from_euler(rng.uniform(-0.05, 0.05), rng.uniform(-0.05, 0.05), 0.0),
     )
-    fan: dict[str, Any] = {"rays": 720, "angle_min_deg": -0.4 * degrees, "angle_max_deg": 0.6 * degrees}
+    mount = Mount(position=(0.05, -0.12, 0.03), rotation_deg=(1.0, -2.0, 30.0))
+    fan: dict[str, Any] = {"rays": 720, "angle_min_deg": -0.4 * degrees, "angle_max_deg": 0.6 * degrees, "mount": mount}
     rolling = drive(LidarSpec(is_rolling=True, **fan), solids, lambda t: ((0.0, 0.0, HEIGHT), q), 10)[0]
     instant = scan(solids, LidarSpec(**fan), orientation=q)
     np.testing.assert_allclose(rolling.ranges, instant.ranges, rtol=0.0, atol=EXACT)
