@@ -68,6 +68,19 @@ def test_all_faults_are_reported_at_once(campaign: Make, tmp_path: Path) -> None
         assert part in text, part
 
 
+@pytest.mark.parametrize("method", ["random", "latin_hypercube", "sobol"])
+def test_a_method_that_draws_samples_needs_a_count(campaign: Make, method: str) -> None:
+    with pytest.raises(SpecError, match=rf"samples \(line \d+\): the method '{method}' needs a count"):
+        campaign(parameters={"latency": {"uniform": [0.0, 0.1]}}, samples={"method": method})
+
+
+@pytest.mark.parametrize("method", ["grid", "list"])
+def test_a_method_that_names_its_samples_has_no_count(campaign: Make, method: str) -> None:
+    points = {"points": [{"latency": 0.1}]} if method == "list" else {}
+    with pytest.raises(SpecError, match=rf"count \(line \d+\): the method '{method}' has no count"):
+        campaign(parameters={"latency": [0.0, 0.1]}, samples={"method": method, "count": 2, **points})
+
+
 def test_wrong_types_are_reported_with_their_lines(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text("scenario: plane\ndriver: d.py:D\nparameters:\n  latency: {uniform: [1, 0]}\nseed: 3\npasses: x\n")
