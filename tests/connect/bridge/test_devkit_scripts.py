@@ -187,13 +187,14 @@ def test_two_simulators_at_one_slow_script_queue_no_messages(
         wait_until(lambda: first.counters.commands_received and second.counters.commands_received)
         time.sleep(8.0)  # longer than the 6 s after which a script disconnects a client that shows no sign of life
         sent = first.counters.telemetry_sent + second.counters.telemetry_sent
+        resent = first.counters.resends + second.counters.resends  # on a loaded machine, the script answers late
         read = lines.read_text().split().count("telemetry")
         assert first.counters.reconnects == second.counters.reconnects == 0
         assert "disconnect" not in lines.read_text()
         for driven in (simulation, other):  # between two commands it brakes if the script is slower than the time-out
             wait_until(lambda driven=driven: driven.frame.vehicles["V1"].throttle == 1.0)
     assert read > 10
-    assert sent - read <= 6  # two each, and those in transit between the two readings
+    assert sent - resent - read <= 6  # two each, and those in transit between the two readings
 
 
 @pytest.mark.toolchain
