@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, Resume, Step
-from autodrive.protocol.native import Source
+from autodrive.protocol.messages import Headlights, Indicators
 from tests.support.page import NewTab, PageServer, Tab
-from tests.support.waiting import LIMIT
+from tests.support.proxy import proxy
 
 if TYPE_CHECKING:
     from playwright.sync_api import Route
@@ -99,6 +97,32 @@ def test_one_of_two_pages_drives_until_it_is_closed(plane: PageServer, new_tab: 
     second.page.keyboard.up("w")
 
 
+def test_keys_end_where_a_native_menu_takes_them(plane: PageServer, tab: Tab) -> None:
+    def right_click_on_the_toolbar() -> None:
+        tab.get("menu-button").click(button="right")
+
+    def right_click_in_the_view() -> None:
+        tab.page.locator("#scene").click(button="right")
+
+    keyboard = tab.page.keyboard
+    tab.page.evaluate("() => addEventListener('contextmenu', (event) => { window.prevented = event.defaultPrevented })")
+    menus = [
+        right_click_on_the_toolbar,
+        right_click_in_the_view,
+        lambda: keyboard.press("F10"),
+        lambda: keyboard.press("Alt"),
+    ]
+    for opens_menu in menus:
+        keyboard.down("w")
+        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
+        opens_menu()
+        tab.wait_until(lambda: plane.vehicle.throttle == 0)
+        keyboard.up("w")
+    right_click_in_the_view()
+    assert tab.page.evaluate("() => window.prevented")  # no menu opens there
+    keyboard.press("Escape")
+
+
 BUSY = """
 const frame = window.requestAnimationFrame.bind(window)
 window.requestAnimationFrame = (draw) => frame((time) => {
@@ -113,36 +137,42 @@ window.requestAnimationFrame = (draw) => frame((time) => {
 """
 
 
-def test_no_frame_loses_the_command_of_a_held_key_while_the_page_is_busy_drawing(
-    plane: PageServer, new_tab: NewTab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_that_hangs_does_not_drive_on(plane: PageServer, new_tab: NewTab) -> None:
     tab = new_tab(size=(320, 240), draws=True, script=BUSY).open(plane.url + "?quality=low")
-    steps: list[Future[Frame]] = []
-    submit, count = plane.simulation.submit, 0  # of steps: 0.96 s; a command is valid for 0.5 s
-
-    def step_after(vehicle: str, command: Command, source: Source = "script") -> None:
-        """As the commands come: after 5 s of them the worker stops the vehicle of a page that does nothing else."""
-        submit(vehicle, command, source)
-        if len(steps) < count:
-            steps.append(plane.simulation.request(Step(1)))
-
-    monkeypatch.setattr(plane.simulation, "submit", step_after)
     tab.page.keyboard.down("w")
     tab.wait_until(lambda: plane.vehicle.throttle == 1)
-    drawing: list[Route] = []
+    hanging: list[Route] = []
 
     def hold(route: Route) -> None:
-        drawing.append(route)
+        hanging.append(route)
 
     tab.page.route("**/busy", hold)
     tab.page.evaluate("() => { window.isBusy = true }")
-    tab.wait_until(lambda: drawing)
-    plane.request(Pause())
-    count = 60
-    tab.wait_until(lambda: len(steps) == count)
-    throttle = [step.result(LIMIT).vehicles["V1"].throttle for step in steps]
-    drawing[0].fulfill(body="")
-    tab.page.keyboard.up("w")
-    plane.request(Resume())
-    assert throttle == [1.0] * 60
+    tab.wait_until(lambda: hanging)
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
+    hanging[0].fulfill(body="")
+    tab.wait_until(lambda: plane.vehicle.throttle > 0)  # the key is still held
+    tab.page.keyboard.up("w")
+    tab.wait_until(lambda: plane.vehicle.throttle == 0)
+
+
+def test_a_connection_without_data_is_shown_and_its_requests_are_not_carried_out_later(
+    plane: PageServer, new_tab: NewTab
+) -> None:
+    with proxy(plane.server.port) as held:
+        tab = new_tab(size=(320, 240)).open(held.url + "?quality=low")
+        tab.page.keyboard.down("w")
+        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
+        held.hold()
+        tab.page.keyboard.press("p")
+        tab.wait_until(lambda: plane.vehicle.throttle == 0)
+        tab.wait_for_text("banner", "No data has come from the simulator")
+        assert "The image and the HUD are those of" in tab.text("banner")
+        tab.wait_for_notice("No answer for 5 s; the request is not carried out")
+        tab.page.keyboard.up("w")
+        held.release()
+        tab.wait_until(lambda: tab.value("store.link.value") == "open")
+        tab.page.keyboard.press("b")  # answered after the request that came late
+        tab.wait_until(lambda: not plane.frame.scene_light)
+        assert not plane.simulation.is_paused
+        assert plane.vehicle.throttle == 0

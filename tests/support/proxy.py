@@ -1,4 +1,4 @@
-"""A reverse proxy for tests: forwards the requests below one path to a port, and can cut its connections."""
+"""A reverse proxy for tests: forwards the requests below one path to a port, and can cut or hold its connections."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ PATH = "/lab/room-7/"
 
 
 class Proxy:
-    """Forwards `url` to a port; other paths are not found. While `is_cut`, it drops every connection."""
+    """Forwards `url` to a port; other paths are not found.
+
+    While `is_cut`, it drops every connection. While it holds, connections stay open and no byte passes.
+    """
 
     def __init__(self, port: int) -> None:
         self._port = port
@@ -20,6 +23,8 @@ class Proxy:
         self._writers: set[asyncio.StreamWriter] = set()
         self._server: asyncio.Server | None = None
         self._is_cut = False
+        self._flows = asyncio.Event()
+        self._flows.set()
         self.url = ""
 
     @property
@@ -31,6 +36,14 @@ class Proxy:
         self._is_cut = is_cut
         if is_cut:
             self._loop.call_soon_threadsafe(self._abort)
+
+    def hold(self) -> None:
+        """Pass nothing on, until `release`."""
+        self._loop.call_soon_threadsafe(self._flows.clear)
+
+    def release(self) -> None:
+        """Pass on what came meanwhile, and go on."""
+        self._loop.call_soon_threadsafe(self._flows.set)
 
     def run(self, is_ready: threading.Event) -> None:
         self._loop.run_until_complete(self._listen())
@@ -70,7 +83,15 @@ class Proxy:
             head = re.sub(r"(?i)\r\nconnection:[^\r]*", "\r\nConnection: close", head)
         server_source, server_sink = await asyncio.open_connection("127.0.0.1", self._port)
         server_sink.write(head.encode("latin-1"))
-        await asyncio.gather(_copy(source, server_sink), _copy(server_source, sink))
+        await asyncio.gather(self._copy(source, server_sink), self._copy(server_source, sink))
+
+    async def _copy(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while data := await source.read(2**16):
+                await self._flows.wait()
+                sink.write(data)
+                await sink.drain()
+        sink.close()
 
 
 @contextlib.contextmanager
@@ -86,11 +107,3 @@ def proxy(port: int) -> Iterator[Proxy]:
     finally:
         one.stop()
         thread.join()
-
-
-async def _copy(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-    with contextlib.suppress(OSError):
-        while data := await source.read(2**16):
-            sink.write(data)
-            await sink.drain()
-    sink.close()

@@ -8,6 +8,9 @@ interface Pending {
   reject: (error: Error) => void
 }
 
+/** Requests without an answer are given up after this silence of the simulator [s]. */
+const GIVE_UP = 5
+
 export class Connection {
   private readonly pending = new Map<number, Pending>()
   private nextId = 1
@@ -56,8 +59,18 @@ export class Connection {
   private onLost(reason: string): void {
     this.store.connectionError.value = reason || this.refusal || `The simulator at ${location.host} does not answer.`
     this.store.link.value = 'lost'
-    for (const id of [...this.pending.keys()])
-      this.takePending(id)?.reject(new Error('the connection to the simulator was lost'))
+    this.rejectPending('the connection to the simulator was lost')
+  }
+
+  /** The simulator refuses later the requests that are given up here: see `heard` of Request. */
+  private onSilence(seconds: number): void {
+    this.store.connectionError.value = `No data has come from the simulator at ${location.host} for ${seconds} s.`
+    this.store.link.value = 'lost'
+    if (seconds >= GIVE_UP) this.rejectPending(`no answer for ${seconds} s; the request is not carried out`)
+  }
+
+  private rejectPending(reason: string): void {
+    for (const id of [...this.pending.keys()]) this.takePending(id)?.reject(new Error(reason))
   }
 
   private takePending(id: number): Pending | undefined {
@@ -130,11 +143,17 @@ export class Connection {
         const pending = message.id === null ? undefined : this.takePending(message.id)
         if (pending) pending.reject(new Error(message.text))
         else if (message.code === 'version') this.refusal = message.text
-        else store.warning.value = message.text
+        else if (message.id === null) store.warning.value = message.text
         break
       }
       case 'Lost':
         this.onLost(message.reason)
+        break
+      case 'Silence':
+        this.onSilence(message.seconds)
+        break
+      case 'Heard':
+        if (store.welcome.value) store.link.value = 'open'
         break
       case 'Blocked':
         store.notice.value = store.scene.value?.timeline

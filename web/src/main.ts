@@ -154,9 +154,10 @@ document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())
 listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())
-listenToGamepad(driver)
+listenToGamepad(driver, store)
 listenToFlyPointer(store, canvas)
 requestRemoteView(store, connection, canvas)
+canvas.addEventListener('contextmenu', (event) => event.preventDefault()) // its right button moves the camera
 // A click on the scene removes the focus from fields, so that keys drive again.
 canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())
 

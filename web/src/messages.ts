@@ -790,6 +790,7 @@ export interface Request {
   type: 'Request'
   id: number
   operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  heard?: number | null
 }
 
 /**
@@ -1053,6 +1054,7 @@ export interface Status {
   error: string
   recording: RecordingStatus
   position: number | null
+  clock: number
 }
 
 /**

@@ -224,3 +224,48 @@ test('Status is stored', () => {
   socket.receive(statusOf({ is_paused: true, clients: 3 }))
   expect(store.status.value).toMatchObject({ is_paused: true, clients: 3 })
 })
+
+describe('a connection that passes no data', () => {
+  test('counts as lost after 3 s, and as open when data comes', () => {
+    const { store, socket } = connectedPage()
+    vi.advanceTimersByTime(2500)
+    expect(store.link.value).toBe('open')
+    vi.advanceTimersByTime(1000)
+    expect(store.link.value).toBe('lost')
+    expect(store.connectionError.value).toContain('No data has come from the simulator')
+    socket.receive(statusOf())
+    expect(store.link.value).toBe('open')
+  })
+
+  test('gives up its requests after 5 s, and says so', async () => {
+    const { store, connection, socket } = connectedPage()
+    const done = expect(connection.request({ type: 'Pause' })).rejects.toThrow('no answer for 5 s')
+    vi.advanceTimersByTime(4500)
+    await expect(connection.request({ type: 'Resume' })).rejects.toThrow('not connected')
+    vi.advanceTimersByTime(1000)
+    await done
+    socket.receive({ type: 'Error', code: 'request', text: 'came 20 s late', id: socket.of('Request')[0].id })
+    expect(store.warning.value).toBe('')
+  })
+
+  test('is replaced after 10 s', () => {
+    const { store, socket } = connectedPage()
+    const count = FakeSocket.all.length
+    vi.advanceTimersByTime(10_500)
+    expect(socket.readyState).toBe(3)
+    expect(FakeSocket.all.length).toBe(count + 1)
+    FakeSocket.latest.open()
+    FakeSocket.latest.receive(welcome())
+    expect(store.link.value).toBe('open')
+    FakeSocket.latest.receive(statusOf())
+    vi.advanceTimersByTime(2500)
+    expect(store.link.value).toBe('open')
+  })
+
+  test('requests name the Status that the page knew', () => {
+    const { connection, socket } = connectedPage()
+    socket.receive(statusOf({ clock: 42.5 }))
+    void connection.request({ type: 'Pause' })
+    expect(socket.of('Request').at(-1)?.heard).toBe(42.5)
+  })
+})

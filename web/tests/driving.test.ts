@@ -147,6 +147,11 @@ describe('keys', () => {
     ['the window loses the focus', () => window.dispatchEvent(new Event('blur'))],
     ['a field gets the focus', () => document.body.appendChild(document.createElement('input')).focus()],
     ['the Meta key is pressed', () => key('keydown', 'MetaLeft', { key: 'Meta' })],
+    ['Alt opens the menu of the browser', () => key('keydown', 'AltLeft', { key: 'Alt', altKey: true })],
+    ['F10 opens the menu of the browser', () => key('keydown', 'F10')],
+    ['the menu key is pressed', () => key('keydown', 'ContextMenu')],
+    ['a context menu opens', () => document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))],
+    ['a link is dragged', () => document.body.dispatchEvent(new Event('dragstart', { bubbles: true }))],
     [
       'the page is hidden',
       () => {
@@ -203,7 +208,7 @@ describe('the fly camera', () => {
     vi.advanceTimersByTime(1000)
     expect(commands().slice(count)).toEqual([])
     expect(actions).toEqual([])
-    window.dispatchEvent(new Event('blur'))
+    window.dispatchEvent(new Event('contextmenu'))
     expect(store.flyInput).toMatchObject({ ahead: 0, left: 0, up: 0, turn: 0, tilt: 0 })
   })
 
@@ -315,14 +320,31 @@ describe('lamps', () => {
 describe('a gamepad', () => {
   const button = (value = 0) => ({ value, pressed: value > 0.5, touched: value > 0 })
 
+  const padOf = (index: number, mapping = 'standard') => {
+    const buttons = Array.from({ length: 17 }, () => button())
+    return { id: `Pad ${index}`, index, mapping, axes: [0, 0], buttons }
+  }
+  /** The gamepads that are connected now. */
+  let pads: (ReturnType<typeof padOf> | null)[]
+
+  function announce(type: 'gamepadconnected' | 'gamepaddisconnected', gamepad: ReturnType<typeof padOf>): void {
+    window.dispatchEvent(Object.assign(new Event(type), { gamepad }))
+  }
+
   function plug() {
     const all = page()
-    const pad = { mapping: 'standard', axes: [0, 0], buttons: Array.from({ length: 17 }, () => button()) }
-    Object.defineProperty(navigator, 'getGamepads', { value: () => [null, pad], configurable: true })
+    const pad = padOf(1)
+    pads = [null, pad]
+    Object.defineProperty(navigator, 'getGamepads', { value: () => pads, configurable: true })
     vi.spyOn(document, 'hasFocus').mockReturnValue(true)
-    listenToGamepad(all.driver)
-    window.dispatchEvent(new Event('gamepadconnected'))
+    listenToGamepad(all.driver, all.store)
+    announce('gamepadconnected', pad)
     return { ...all, pad }
+  }
+
+  function unplug(pad: ReturnType<typeof padOf>): void {
+    pads = pads.map((each) => (each === pad ? null : each))
+    announce('gamepaddisconnected', pad)
   }
 
   test('the triggers drive and the left stick steers, without a ramp', () => {
@@ -360,8 +382,34 @@ describe('a gamepad', () => {
     const { pad, latest } = plug()
     pad.buttons[7] = button(1)
     vi.advanceTimersByTime(20)
-    Object.defineProperty(navigator, 'getGamepads', { value: () => [null], configurable: true })
-    window.dispatchEvent(new Event('gamepaddisconnected'))
+    unplug(pad)
     expect(latest()).toEqual({ throttle: 0, steering: 0 })
+  })
+
+  test.each(['standard', ''])('the vehicle stops although another device (mapping "%s") stays connected', (mapping) => {
+    const { pad, latest, commands } = plug()
+    const other = padOf(2, mapping)
+    pads.push(other)
+    announce('gamepadconnected', other)
+    pad.buttons[7] = button(1)
+    vi.advanceTimersByTime(20)
+    expect(latest().throttle).toBe(1)
+    unplug(pad)
+    vi.advanceTimersByTime(1000)
+    expect(latest()).toEqual({ throttle: 0, steering: 0 })
+    const count = commands().length
+    other.buttons[7] = button(0.5)
+    vi.advanceTimersByTime(100)
+    expect(mapping ? latest().throttle : count - commands().length).toBe(mapping ? 0.5 : 0)
+    unplug(other)
+  })
+
+  test('a gamepad that cannot drive is named once', () => {
+    const { store } = plug()
+    const said: string[] = []
+    store.notice.watch((text) => said.push(text))
+    for (const pad of [padOf(3, ''), padOf(3, ''), padOf(4)]) announce('gamepadconnected', pad)
+    expect(said.filter((text) => text.includes("'Pad 3' cannot drive")).length).toBe(1)
+    expect(said.join()).not.toContain('Pad 4')
   })
 })

@@ -98,6 +98,17 @@ test('arrows and brackets move the selected thing; one request follows when they
   expect(drives).toHaveBeenCalledOnce()
 })
 
+test('a step whose key is released in a menu of the browser is one edit, too', () => {
+  const { store, socket, editor } = page()
+  listenToEditKeys(store, editor, () => {})
+  store.selection.value = 'crate'
+  window.dispatchEvent(new KeyboardEvent('keydown', { code: 'ArrowRight', key: 'ArrowRight' }))
+  expect(socket.of('Request')).toEqual([])
+  window.dispatchEvent(new Event('contextmenu'))
+  expect(socket.request).toMatchObject({ type: 'Place', name: 'crate', x: expect.closeTo(1.05) })
+  store.isEditing.value = false
+})
+
 test('a refused place is shown as a warning, and the thing is back where it was', async () => {
   const { store, socket, editor } = page()
   store.selection.value = 'crate'

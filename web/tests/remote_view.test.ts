@@ -3,7 +3,7 @@ import { beforeEach, expect, test, vi } from 'vitest'
 import { requestRemoteView } from '../src/remote_view'
 import { RemoteImage } from '../src/scene/remote_image'
 import { zoomCamera } from '../src/scene/zoom'
-import { connectedPage, FakeSocket, frameOf, sceneOf, welcome } from './support'
+import { connectedPage, FakeSocket, frameOf, sceneOf, statusOf, welcome } from './support'
 
 beforeEach(() => document.body.replaceChildren())
 
@@ -64,6 +64,7 @@ test('its images are as wide as the window, and narrower while they come too slo
   const receive = async (period: number, seconds: number) => {
     for (const end = now + 1000 * seconds; now < end; now += 1000 * period) {
       clock.mockReturnValue(now)
+      socket.receive(statusOf())
       store.rendered.value = { jpeg: new Uint8Array(), time: 0 } as never
       await settle()
     }

@@ -31,9 +31,9 @@ export class FakeSocket {
   static all: FakeSocket[] = []
   readyState = 0
   binaryType = ''
-  onopen = (): void => {}
-  onmessage = (_: { data: ArrayBuffer }): void => {}
-  onclose = (_: { reason: string }): void => {}
+  onopen: (() => void) | null = null
+  onmessage: ((_: { data: ArrayBuffer }) => void) | null = null
+  onclose: ((_: { reason: string }) => void) | null = null
   readonly sent: ClientMessage[] = []
 
   constructor(
@@ -49,6 +49,7 @@ export class FakeSocket {
 
   /** Installs this class as WebSocket, until the end of the test. */
   static install(): void {
+    for (const socket of FakeSocket.all) socket.readyState = 3 // pages of earlier tests stay as they are
     FakeSocket.all = []
     vi.stubGlobal('WebSocket', FakeSocket)
   }
@@ -59,16 +60,16 @@ export class FakeSocket {
 
   open(): void {
     this.readyState = FakeSocket.OPEN
-    this.onopen()
+    this.onopen?.()
   }
 
   close(reason = ''): void {
     this.readyState = 3
-    this.onclose({ reason })
+    this.onclose?.({ reason })
   }
 
   receive(message: ServerMessage): void {
-    this.onmessage({ data: encoder.encode(message).slice().buffer })
+    this.onmessage?.({ data: encoder.encode(message).slice().buffer })
   }
 
   /** The messages of that type that the page sent. */
@@ -174,7 +175,7 @@ export function statusOf(values: Partial<Status> = {}): Status {
     ...{ type: 'Status', is_paused: false, speed: 1, real_time_factor: 1, late_ticks: 0, clients: 1, drivers: {} },
     bridge: { address: '127.0.0.1:4567', state: 'closed', error: '', ...rates },
     recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '' },
-    ...{ cameras_error: '', note: '', undo: '', redo: '', error: '', position: null, ...values },
+    ...{ cameras_error: '', note: '', undo: '', redo: '', error: '', position: null, clock: 0, ...values },
   }
 }
 

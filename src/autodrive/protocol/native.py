@@ -167,6 +167,9 @@ class Request(msgspec.Struct, frozen=True, tag=True):
 
     id: int
     operation: ServerOperation
+    heard: float | None = None
+    """`clock` of the latest Status that the client had. A request is refused that arrives more than 4 s after that
+    Status was sent: its sender may have given it up. None: the age of the request does not matter."""
 
 
 ClientMessage: TypeAlias = Hello | Subscribe | Drive | Release | Request
@@ -421,6 +424,8 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """The recording that this simulator makes."""
     position: float | None = None
     """Time of the recording that is shown [s]; None: this is a simulation."""
+    clock: float = 0.0
+    """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):

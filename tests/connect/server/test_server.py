@@ -192,6 +192,17 @@ def test_a_step_needs_a_pause(one: NativeClient) -> None:
     assert "request Pause first" in error["text"]
 
 
+def test_a_request_that_was_held_up_is_refused(server: Server, one: NativeClient, simulation: Simulation) -> None:
+    clock = one.until("Status")["clock"]
+    for id, heard in ((1, clock - 5), (2, clock)):  # the sender of the first one knew a Status that is 5 s older
+        one.send("Request", id=id, operation={"type": "SetSceneLight", "enabled": id == 1}, heard=heard)
+        answer = one.answer(id)
+        assert answer["type"] == ("Error" if id == 1 else "Response")
+        if id == 1:
+            assert "the request came 5 s late and was not carried out" in answer["text"]
+    assert not simulation.frame.scene_light
+
+
 def test_a_pause_and_a_step_can_be_requested_together(one: NativeClient) -> None:
     pause, step = one.begin("Pause"), one.begin("Step", ticks=3)
     assert one.answer(step)["frame"]["tick"] - 3 >= 0

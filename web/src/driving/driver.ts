@@ -4,11 +4,15 @@ import type { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
 import type { DriveInput } from '../worker/port'
 
+/** Period at which inputs that are not at rest are passed on again, as a sign that the page runs [ms]. */
+const SIGN_OF_LIFE = 200
+
 export class Driver {
   /** Keys are -1, 0 or 1 and are ramped; gamepad and touch values are used directly. Call `change` after a change. */
   readonly keys: DriveInput = { throttle: 0, steering: 0 }
   readonly pad: DriveInput = { throttle: 0, steering: 0 }
   readonly touch: DriveInput = { throttle: 0, steering: 0 }
+  private timer = 0
 
   constructor(
     store: Store,
@@ -27,6 +31,9 @@ export class Driver {
     const { keys, pad, touch } = this
     const direct = { throttle: pad.throttle + touch.throttle, steering: pad.steering + touch.steering }
     this.connection.post({ type: 'Inputs', keys, direct })
+    window.clearTimeout(this.timer)
+    const isAtRest = [keys, pad, touch].every(({ throttle, steering }) => throttle === 0 && steering === 0)
+    if (!isAtRest) this.timer = window.setTimeout(() => this.change(), SIGN_OF_LIFE)
   }
 
   toggleHeadlights(headlights: Headlights): void {
@@ -44,6 +51,7 @@ export class Driver {
   }
 
   private clear(): void {
+    window.clearTimeout(this.timer)
     for (const input of [this.keys, this.pad, this.touch]) input.throttle = input.steering = 0
   }
 }

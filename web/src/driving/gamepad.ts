@@ -1,5 +1,6 @@
 // Gamepad input in the standard mapping: the left stick steers, the triggers drive, buttons switch the lamps.
 import { Headlights, Indicators } from '../messages'
+import type { Store } from '../store'
 import type { Driver } from './driver'
 
 /** Dead zone of a stick. */
@@ -18,13 +19,21 @@ const BUTTONS: Record<number, (driver: Driver) => void> = {
 const REVERSE_TRIGGER = 6
 const THROTTLE_TRIGGER = 7
 
-/** Polls the first connected gamepad with the standard mapping. */
-export function listenToGamepad(driver: Driver): void {
+/** Polls the first connected gamepad with the standard mapping. Names each gamepad without that mapping once. */
+export function listenToGamepad(driver: Driver, store: Store): void {
   let timer = 0
   let pressed = new Set<number>()
+  /** Index of the gamepad that was read last. */
+  let index = -1
+  const named = new Set<string>()
 
   function poll(): void {
     const pad = navigator.getGamepads().find((each) => each?.mapping === 'standard')
+    if (index !== (pad?.index ?? -1)) {
+      if (index >= 0) driver.stop() // the gamepad that drove is gone
+      index = pad?.index ?? -1
+      pressed = new Set()
+    }
     if (!pad || document.hidden || !document.hasFocus()) return
     const throttle = (pad.buttons[THROTTLE_TRIGGER]?.value ?? 0) - (pad.buttons[REVERSE_TRIGGER]?.value ?? 0)
     const steering = withoutDeadZone(-(pad.axes[0] ?? 0)) // the axis of the stick is positive to the right
@@ -37,14 +46,17 @@ export function listenToGamepad(driver: Driver): void {
     pressed = now
   }
 
-  window.addEventListener('gamepadconnected', () => {
+  window.addEventListener('gamepadconnected', ({ gamepad: { id, mapping } }) => {
     if (timer === 0) timer = window.setInterval(poll, PERIOD)
+    if (mapping === 'standard' || named.has(id)) return
+    named.add(id)
+    store.notice.value = `The gamepad '${id}' cannot drive: the browser does not know where its sticks and buttons are.`
   })
   window.addEventListener('gamepaddisconnected', () => {
+    poll()
     if (navigator.getGamepads().some(Boolean)) return
     window.clearInterval(timer)
     timer = 0
-    driver.stop()
   })
 }
 

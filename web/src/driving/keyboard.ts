@@ -5,6 +5,7 @@ import type { Store } from '../store'
 import type { Driver } from './driver'
 import type { KeyAction } from './keys'
 import { actionOf, FLY_KEYS, keyOf } from './keys'
+import { whenKeysAreLost } from './keys_lost'
 
 /** Actions of held keys -> axis and sign of the input. */
 const HELD_ACTIONS = {
@@ -36,7 +37,7 @@ export function listenToKeyboard(driver: Driver, store: Store, onAction: (action
     }
   }
 
-  /** Releases all keys: the page gets no keyup event for a key that is released elsewhere. */
+  /** Releases all keys. */
   function releaseAll(): void {
     held.clear()
     flying.clear()
@@ -46,7 +47,6 @@ export function listenToKeyboard(driver: Driver, store: Store, onAction: (action
 
   window.addEventListener('keydown', (event) => {
     store.flyInput.isFast = event.shiftKey
-    if (event.key === 'Meta') return releaseAll() // while Meta is down, browsers send no keyup events
     if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return
     const field = event.target instanceof HTMLElement ? event.target.closest<HTMLElement>(FIELDS) : null
     if (field) {
@@ -71,10 +71,7 @@ export function listenToKeyboard(driver: Driver, store: Store, onAction: (action
     if (held.delete(event.code)) update()
     if (flying.delete(event.code)) fly()
   })
-  window.addEventListener('blur', releaseAll)
-  document.addEventListener('visibilitychange', () => {
-    if (document.hidden) releaseAll()
-  })
+  whenKeysAreLost(releaseAll)
   document.addEventListener('focusin', (event) => {
     if (held.size + flying.size > 0 && event.target instanceof Element && event.target.closest(FIELDS)) releaseAll()
   })

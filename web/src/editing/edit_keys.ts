@@ -1,4 +1,5 @@
 // Keys of Edit mode: they move and turn the selected thing, undo and redo. Keys do not drive meanwhile.
+import { whenKeysAreLost } from '../driving/keys_lost'
 import { FIELDS } from '../fields'
 import type { Store } from '../store'
 import type { Editor } from './editor'
@@ -65,6 +66,6 @@ export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () =
   window.addEventListener('keyup', (event) => {
     if (held.delete(event.code) && held.size === 0) release()
   })
-  window.addEventListener('blur', () => held.size > 0 && release())
+  whenKeysAreLost(() => held.size > 0 && release())
   store.isEditing.watch((isEditing) => isEditing && stopDriving())
 }

@@ -122,6 +122,10 @@ function pad(driver: Driver, store: Store, axis: keyof DriveInput, label: string
     element.setPointerCapture(event.pointerId)
     follow(event)
   })
+  element.addEventListener('contextmenu', (event) => {
+    event.preventDefault() // a finger that rests on the pad is no request for a menu
+    event.stopPropagation()
+  })
   element.addEventListener('pointermove', follow)
   element.addEventListener('lostpointercapture', () => set(0))
   return element

@@ -10,8 +10,8 @@ const PERIOD = 16
 const FIRST_STEP = 0.016
 /** Upper limit of a step [s], so that a worker that was busy does not jump. */
 const MAX_STEP = 0.1
-/** The vehicle stops after this number of messages without a sign of life of the page: about five seconds. */
-const MAX_UNHEARD = 300
+/** The vehicle stops after this time without a sign of life of the page [ms], which gives one each 0.2 s. */
+const MAX_SILENCE = 900
 
 const REST: DriveInput = { throttle: 0, steering: 0 }
 
@@ -27,7 +27,7 @@ export class CommandSender {
   private vehicle = ''
   private timer: ReturnType<typeof setInterval> | undefined
   private last = 0
-  private unheard = 0
+  private heard = 0
   private isMoving = false
 
   /** `onBlocked` is called with the vehicle if an input has no effect, because it is in autonomous mode. */
@@ -36,9 +36,9 @@ export class CommandSender {
     private readonly onBlocked: (vehicle: string) => void,
   ) {}
 
-  /** The page runs. Without this sign for some seconds it may not notice that a key was released. */
+  /** The page runs. A page that hangs does not notice that a key was released. */
   onSignOfLife(): void {
-    this.unheard = 0
+    this.heard = performance.now()
   }
 
   /** Releases the vehicle that was driven, and drives another one from now on. */
@@ -72,6 +72,12 @@ export class CommandSender {
     this.stopTimer()
   }
 
+  /** There is no data of the simulator: nothing is sent until the next Frame. */
+  lose(): void {
+    this.stop()
+    this.frame = null
+  }
+
   private get vehicleFrame(): VehicleFrame | undefined {
     return this.frame?.vehicles[this.vehicle]
   }
@@ -86,8 +92,7 @@ export class CommandSender {
   }
 
   private repeat(): void {
-    this.unheard += 1
-    if (this.unheard > MAX_UNHEARD) this.stop()
+    if (performance.now() - this.heard > MAX_SILENCE) this.stop()
     else this.advance()
   }
 

@@ -29,6 +29,10 @@ export type WorkerMessage =
   | ServerMessage
   /** The connection was lost, or could not be made; `reason` is that of the simulator. */
   | { type: 'Lost'; reason: string }
+  /** The simulator, which sends Status messages in a pause, too, has sent nothing for this time [s]. */
+  | { type: 'Silence'; seconds: number }
+  /** The simulator sends again, after a Silence. */
+  | { type: 'Heard' }
   /** An input had no effect, because that vehicle is in autonomous mode. */
   | { type: 'Blocked'; vehicle: string }
   /** End of the messages that are posted at once; the page answers with `Taken`. */

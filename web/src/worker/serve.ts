@@ -10,6 +10,7 @@ export function serve(port: Port<WorkerMessage>): void {
   const link = new Link((message) => {
     if (message.type === 'Frame') commands.frame = message
     if (message.type === 'Response') commands.frame = message.frame
+    if (message.type === 'Silence') commands.lose()
     outbox.add(message)
   })
   const commands = new CommandSender(

@@ -41,6 +41,8 @@ MAX_WAIT = 10.0
 """A client that has not read a message for this time [s] is disconnected if its place is needed."""
 STATUS_INTERVAL, LEAST_STATUS_INTERVAL = 0.25, 0.02
 """Time between two Status messages without and with changes [s]."""
+MAX_AGE = 4.0
+"""A request is refused if the Status that its sender had is older [s]; the page gives up its requests after 5 s."""
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 """Close codes of a WebSocket (RFC 6455)."""
 
@@ -159,7 +161,9 @@ class Hub:
                 except AutodriveError as error:
                     id = id_of(data)
                     message = Error("message" if id is None else "request", str(error), id)
-                if isinstance(message, Request):
+                if isinstance(message, Request) and (error := self._too_late(message)):
+                    client.send_error(error)
+                elif isinstance(message, Request):
                     if not self._requests.execute(client, message, len(data)):
                         limit.drop()
                 elif limit.allows(self.now()):
@@ -170,6 +174,14 @@ class Hub:
                 client.send_error(Error("rate", f"more than {BYTES:g} bytes per second; some messages are dropped"))
             if limit.is_exhausted or client.is_overrun:
                 return
+
+    def _too_late(self, request: Request) -> Error | None:
+        """The Error for a request that was held up on its way, or while this process was stopped."""
+        age = 0.0 if request.heard is None else self.now() - request.heard
+        if age <= MAX_AGE:
+            return None
+        text = f"the connection was interrupted: the request came {age:.0f} s late and was not carried out"
+        return Error("request", text, request.id)
 
     def _handle(self, client: ConnectedClient, message: ClientMessage | Error) -> None:
         """A message that is no Request."""
@@ -243,6 +255,7 @@ class Hub:
                 error=simulation.error,
                 recording=served.recording.status,
                 position=served.replay.position if served.replay else None,
+                clock=now,
             )
         )
         for client in self.clients:
