@@ -1,5 +1,6 @@
 // The actions of the user, called by buttons and keys. A failed request is shown as a notice.
 import type { Connection } from './connection'
+import { keyText } from './driving/key_caps'
 import type { Response, ServerOperation } from './messages'
 import { clamp } from './scene/clamp'
 import type { SceneView } from './scene/view'
@@ -8,7 +9,8 @@ import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit', 'Fly']
 
-const FLYING = 'Keys and pads move the camera, not the vehicle: W A S D, arrows, Page Up, Page Down; Shift: faster.'
+const FLYING =
+  'Keys and pads move the camera, not the vehicle: {KeyW} {KeyA} {KeyS} {KeyD}, arrows, Page Up, Page Down; Shift: faster.'
 /** [rad] */
 const ORBIT_STEP = Math.PI / 36
 
@@ -59,7 +61,7 @@ export class Actions {
 
   nextCamera(): void {
     this.store.camera.value = next(CAMERAS, this.store.camera.value)
-    if (this.store.isFlying) this.store.notice.value = FLYING
+    if (this.store.isFlying) this.store.notice.value = keyText(FLYING)
   }
 
   /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */

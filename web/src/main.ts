@@ -10,6 +10,7 @@ import { UserFiles } from './building/user_files'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
+import { learnKeyCaps } from './driving/key_caps'
 import { listenToKeyboard } from './driving/keyboard'
 import type { KeyAction } from './driving/keys'
 import { listenToEditKeys } from './editing/edit_keys'
@@ -53,6 +54,7 @@ import { Trails } from './trails'
 import { followViewInLink } from './view_link'
 
 showTheme(savedTheme())
+learnKeyCaps()
 const canvas = document.querySelector<HTMLCanvasElement>('#scene')
 if (!canvas) throw new Error('index.html has no canvas')
 const store = new Store()

@@ -1,4 +1,5 @@
 // Keys of Build mode: pieces, turns, mirror images, undo and redo. Keys do not drive meanwhile.
+import { codeOf } from '../driving/keys'
 import type { Editor } from '../editing/editor'
 import type { Store } from '../store'
 import type { Builder } from './builder'
@@ -33,13 +34,13 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
   function onKey(event: KeyboardEvent): boolean {
     if (!store.isBuilding.value || event.isComposing || event.altKey) return false
     if (!(event.target instanceof HTMLElement) || event.target.closest(FIELDS)) return false
-    if (event.code === 'Enter' && event.target.closest('button')) return false
+    if (codeOf(event) === 'Enter' && event.target.closest('button')) return false
     const isControlled = event.ctrlKey || event.metaKey
-    const act = isControlled ? controlled[event.key.toLowerCase()] : actions[event.code]
-    if (!(event.code === 'Enter' && event.repeat)) act?.(event.shiftKey)
+    const act = isControlled ? controlled[event.key.toLowerCase()] : actions[codeOf(event)]
+    if (!(codeOf(event) === 'Enter' && event.repeat)) act?.(event.shiftKey)
     // Enter then sets the piece in hand, and does not press the button once more
     if (builder.hand.value) event.target.closest('button')?.blur()
-    return act !== undefined || (!isControlled && DRIVING.has(event.code))
+    return act !== undefined || (!isControlled && DRIVING.has(codeOf(event)))
   }
 
   window.addEventListener(

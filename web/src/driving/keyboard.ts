@@ -4,7 +4,7 @@ import { FIELDS } from '../fields'
 import type { Store } from '../store'
 import type { Driver } from './driver'
 import type { KeyAction } from './keys'
-import { actionOf, FLY_KEYS, keyOf } from './keys'
+import { actionOf, codeOf, FLY_KEYS, keyOf } from './keys'
 import { whenKeysAreLost } from './keys_lost'
 
 /** Actions of held keys -> axis and sign of the input. */
@@ -18,7 +18,8 @@ const HELD_ACTIONS = {
 /** Handles keyboard events; calls `onAction` for keys that are not held. */
 export function listenToKeyboard(driver: Driver, store: Store, onAction: (action: KeyAction) => void): void {
   const held = new Map<string, keyof typeof HELD_ACTIONS>()
-  const flying = new Set<string>()
+  /** Keys that move the fly camera, and what they stand for, by KeyboardEvent.code. */
+  const flying = new Map<string, string>()
 
   function update(): void {
     driver.keys.throttle = driver.keys.steering = 0
@@ -31,7 +32,7 @@ export function listenToKeyboard(driver: Driver, store: Store, onAction: (action
 
   function fly(): void {
     Object.assign(store.flyInput, { ahead: 0, left: 0, up: 0, turn: 0, tilt: 0 })
-    for (const code of flying) {
+    for (const code of flying.values()) {
       const [axis, sign] = FLY_KEYS[code]
       store.flyInput[axis] += sign
     }
@@ -53,9 +54,9 @@ export function listenToKeyboard(driver: Driver, store: Store, onAction: (action
       if (event.key === 'Escape') field.blur() // return the focus, so that keys drive
       return
     }
-    if (store.isFlying && event.code in FLY_KEYS) {
+    if (store.isFlying && codeOf(event) in FLY_KEYS) {
       event.preventDefault()
-      flying.add(event.code)
+      flying.set(event.code, codeOf(event))
       return fly()
     }
     const action = actionOf(event)

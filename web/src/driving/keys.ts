@@ -44,6 +44,8 @@ export interface Key {
   action: KeyAction
   /** KeyboardEvent.code of each key for this action; with Shift if `isShifted`. */
   codes: readonly string[]
+  /** Characters that run it, too, wherever the layout has them; the help names the first. */
+  characters?: readonly string[]
   isShifted?: boolean
   /** Repeated while it is held. */
   isRepeated?: boolean
@@ -79,8 +81,8 @@ export const KEYS: Record<string, readonly Key[]> = {
     { action: 'forces', codes: ['Digit2'], description: 'Contact forces' },
     { action: 'axes', codes: ['Digit3'], description: 'Axes of vehicles and sensors' },
     { action: 'measure', codes: ['KeyX'], description: 'Measure a distance' },
-    { action: 'zoom-in', codes: ['Equal', 'NumpadAdd'], isRepeated: true, description: 'Zoom in' },
-    { action: 'zoom-out', codes: ['Minus', 'NumpadSubtract'], isRepeated: true, description: 'Zoom out' },
+    { action: 'zoom-in', characters: ['+', '='], codes: ['NumpadAdd'], isRepeated: true, description: 'Zoom in' },
+    { action: 'zoom-out', characters: ['-'], codes: ['NumpadSubtract'], isRepeated: true, description: 'Zoom out' },
     { action: 'orbit-left', codes: ['ArrowLeft'], ...TURNS, description: 'Orbit camera to the left' },
     { action: 'orbit-right', codes: ['ArrowRight'], ...TURNS, description: 'Orbit camera to the right' },
     { action: 'orbit-up', codes: ['ArrowUp'], ...TURNS, description: 'Orbit camera upwards' },
@@ -122,10 +124,16 @@ export function actionOf(event: KeyboardEvent): KeyAction | undefined {
   return keyOf(event)?.action
 }
 
+/** KeyboardEvent.code; keys of the number pad without Num Lock count as those that they stand for, as arrows. */
+export function codeOf({ code, key }: KeyboardEvent): string {
+  return code.startsWith('Numpad') && key.length > 1 ? key : code
+}
+
 /** The key of a keyboard event; with Shift, the one with Shift goes before. */
 export function keyOf(event: KeyboardEvent): Key | undefined {
+  const isMeant = ({ codes, characters }: Key) => codes.includes(codeOf(event)) || characters?.includes(event.key)
   const keys = Object.values(KEYS)
     .flat()
-    .filter(({ codes, isShifted }) => codes.includes(event.code) && (!isShifted || event.shiftKey))
+    .filter((key) => isMeant(key) && (!key.isShifted || event.shiftKey))
   return keys.find(({ isShifted }) => isShifted) ?? keys[0]
 }

@@ -1,4 +1,5 @@
 // Keys of Edit mode: they move and turn the selected thing, undo and redo. Keys do not drive meanwhile.
+import { codeOf } from '../driving/keys'
 import { whenKeysAreLost } from '../driving/keys_lost'
 import { FIELDS } from '../fields'
 import type { Store } from '../store'
@@ -8,14 +9,15 @@ import type { Editor } from './editor'
 const STEP = [0.05, 0.01] as const
 const TURN = [Math.PI / 12, Math.PI / 180] as const
 
-/** Steps along x and y of the map, and to the left; Edit mode starts with x to the right and y upwards. */
+/** Steps along x and y of the map, and to the left; Edit mode starts with x to the right and y upwards. Brackets are
+ * characters, which many layouts have elsewhere. */
 const MOVES: Record<string, readonly [dx: number, dy: number, turn: number]> = {
   ArrowUp: [0, 1, 0],
   ArrowDown: [0, -1, 0],
   ArrowLeft: [-1, 0, 0],
   ArrowRight: [1, 0, 0],
-  BracketLeft: [0, 0, 1],
-  BracketRight: [0, 0, -1],
+  '[': [0, 0, 1],
+  ']': [0, 0, -1],
 }
 /** Driving keys without a meaning in Edit mode. */
 const DRIVING = new Set(['KeyW', 'KeyA', 'KeyS', 'KeyD'])
@@ -24,22 +26,23 @@ export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () =
   const held = new Set<string>()
 
   function onKey(event: KeyboardEvent): boolean {
-    if (!store.isEditing.value || event.isComposing || event.altKey) return false
-    const isControlled = event.ctrlKey || event.metaKey
+    const hasAltGr = event.getModifierState('AltGraph') // Windows reports it as Ctrl and Alt
+    if (!store.isEditing.value || event.isComposing || (event.altKey && !hasAltGr)) return false
+    const isControlled = (event.ctrlKey && !hasAltGr) || event.metaKey
+    const step = MOVES[event.key] ?? MOVES[codeOf(event)]
     if (event.target instanceof HTMLElement && event.target.closest(FIELDS)) return false
     if (isControlled && event.key.toLowerCase() === 'z') void (event.shiftKey ? editor.redo() : editor.undo())
     else if (isControlled && event.key.toLowerCase() === 'y') void editor.redo()
     else if (isControlled) return false
-    else if (event.code in MOVES) move(event)
+    else if (step) move(event, step)
     else if (event.key === 'Delete') void editor.remove()
     else if (event.key === 'Escape') close()
     else return DRIVING.has(event.code)
     return true
   }
 
-  function move(event: KeyboardEvent): void {
+  function move(event: KeyboardEvent, [dx, dy, turn]: (typeof MOVES)[string]): void {
     const which = event.shiftKey ? 1 : 0
-    const [dx, dy, turn] = MOVES[event.code]
     held.add(event.code)
     editor.shift(dx * STEP[which], dy * STEP[which], turn * TURN[which])
   }

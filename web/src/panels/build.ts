@@ -69,13 +69,13 @@ function bar(
 ): HTMLElement {
   const buttons = {
     set: barButton('build-set', 'Set', SET, 'Set the piece in hand (Enter)', () => void builder.set()),
-    turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn, or join by the next end (R)', () => builder.turn(1)),
-    mirror: barButton('build-mirror', 'Mirror', MIRROR, 'Mirror the piece (M)', () => builder.mirror()),
+    turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn, or join by the next end ({KeyR})', () => builder.turn(1)),
+    mirror: barButton('build-mirror', 'Mirror', MIRROR, 'Mirror the piece ({KeyM})', () => builder.mirror()),
     close: barButton(
       'build-close',
       'Close',
       LOOP,
-      'Close the loop: add the roads from this open end to the nearest other one (C)',
+      'Close the loop: add the roads from this open end to the nearest other one ({KeyC})',
       () => void builder.close(),
     ),
     copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
@@ -159,7 +159,7 @@ function pieces(
   const hint = h(
     'p',
     { class: 'edit-hint' },
-    'Click an open end of a road, or take a piece. N: next open end. While the simulation is paused (P), edits are faster.',
+    'Click an open end of a road, or take a piece. {KeyN}: next open end. While the simulation is paused ({KeyP}), edits are faster.',
   )
   let shown: MapScene['modules'] | null = null
 

@@ -1,11 +1,12 @@
 // Creates DOM elements: h('button', { class: 'quiet', onclick: ... }, 'Menu').
+import { keyText, knownCaps, namesKeys } from '../driving/key_caps'
 
 export type Child = Node | string | null | undefined | false
 
 /** HTML attributes; `on...` are event listeners; true is an empty attribute; false, null and undefined are omitted. */
 export type Attributes = Record<string, string | number | boolean | null | undefined | ((event: never) => void)>
 
-/** Creates an element. `testid` becomes data-testid. */
+/** Creates an element. `testid` becomes data-testid, and '{KeyZ}' in a text the cap of that key. */
 export function h<Tag extends keyof HTMLElementTagNameMap>(
   tag: Tag,
   attributes: Attributes = {},
@@ -15,10 +16,25 @@ export function h<Tag extends keyof HTMLElementTagNameMap>(
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === 'function') element.addEventListener(name.slice(2), value as EventListener)
     else if (value !== false && value !== null && value !== undefined)
-      element.setAttribute(name === 'testid' ? 'data-testid' : name, value === true ? '' : String(value))
+      write(value === true ? '' : String(value), (text) =>
+        element.setAttribute(name === 'testid' ? 'data-testid' : name, text),
+      )
   }
-  element.append(...children.filter((child): child is Node | string => child instanceof Node || Boolean(child)))
+  for (const child of children) {
+    if (typeof child !== 'string') element.append(...(child ? [child] : []))
+    else if (child) {
+      const text = document.createTextNode('')
+      write(child, (words) => (text.data = words))
+      element.append(text)
+    }
+  }
   return element
+}
+
+/** Writes a text; if it names keys, again when more is known about the keyboard. */
+function write(text: string, set: (text: string) => void): void {
+  if (namesKeys(text)) knownCaps.watch(() => set(keyText(text)))
+  else set(text)
 }
 
 /** Creates an icon from a path on a 24 x 24 grid, in the colour of the text. */

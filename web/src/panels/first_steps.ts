@@ -1,5 +1,6 @@
 // Hints for the first visit: how to drive, where the panels are, and how to connect a program.
 import { type Child, h } from './element'
+import { positionNote } from './help'
 import { loadPreference, savePreference } from './preferences'
 
 const key = (name: string) => h('kbd', {}, name)
@@ -12,12 +13,17 @@ export function firstSteps(openConnect: () => void, openHelp: () => void): HTMLE
     h(
       'dl',
       {},
-      ...line('keyboard', [key('W'), key('A'), key('S'), key('D')], 'Drive: hold the keys, or the arrow keys'),
+      ...line(
+        'keyboard',
+        ['KeyW', 'KeyA', 'KeyS', 'KeyD'].map((code) => key(`{${code}}`)),
+        'Drive: hold the keys, or the arrow keys',
+      ),
       ...line('touch-only', ['Pads'], 'Drive: steer on the left, throttle on the right'),
-      ...line('', [key('M'), ' Menu'], 'Camera, light, time, scenario, connection of scripts'),
-      ...line('', [key('U'), ' HUD'], 'Speed, sensors, camera images, plots'),
+      ...line('', [key('{KeyM}'), ' Menu'], 'Camera, light, time, scenario, connection of scripts'),
+      ...line('', [key('{KeyU}'), ' HUD'], 'Speed, sensors, camera images, plots'),
       ...line('', [key('?'), ' Help'], 'All keys'),
     ),
+    positionNote(),
     h(
       'div',
       { class: 'buttons' },

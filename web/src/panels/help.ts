@@ -1,24 +1,9 @@
 // The help dialog: all keys, mouse, touch and gamepad controls.
 
+import { knownCaps } from '../driving/key_caps'
 import type { Key } from '../driving/keys'
 import { KEYS } from '../driving/keys'
 import { h } from './element'
-
-const NAMES: Record<string, string> = {
-  ArrowUp: '↑',
-  ArrowDown: '↓',
-  ArrowLeft: '←',
-  ArrowRight: '→',
-  Escape: 'Esc',
-  Backspace: '⌫',
-  Equal: '+',
-  Minus: '−',
-  NumpadAdd: 'Num +',
-  NumpadSubtract: 'Num −',
-  Digit1: '1',
-  Digit2: '2',
-  Digit3: '3',
-}
 
 /** Caps are separated by ' | '. */
 const OTHERS: Record<string, readonly [string, string][]> = {
@@ -28,7 +13,7 @@ const OTHERS: Record<string, readonly [string, string][]> = {
     ['Drag', 'Rotate the Orbit camera, turn the Fly camera'],
   ],
   'Fly camera': [
-    ['W | S | A | D', 'Ahead, back, to the left, to the right; these keys do not drive meanwhile'],
+    ['{KeyW} | {KeyS} | {KeyA} | {KeyD}', 'Ahead, back, to the left, to the right; these keys do not drive meanwhile'],
     ['← | → | ↑ | ↓', 'Turn to the left, to the right, upwards, downwards'],
     ['Page Up | Page Down', 'Up, down'],
     ['Shift', 'Faster'],
@@ -49,20 +34,21 @@ const OTHERS: Record<string, readonly [string, string][]> = {
   ],
   'Build mode': [
     ['Click', 'On an open end: offer pieces; on a piece: select it, then drag it'],
-    ['N', 'Go to the next open end'],
+    ['{KeyN}', 'Go to the next open end'],
     ['← | →', 'Another piece'],
-    ['R | Shift | R', 'Turn to the next or previous end'],
-    ['M', 'Mirror'],
+    ['{KeyR} | Shift | {KeyR}', 'Turn to the next or previous end'],
+    ['{KeyM}', 'Mirror'],
+    ['{KeyC}', 'Close the loop'],
     ['Enter', 'Set the piece'],
     ['Shift', 'With a click: select several pieces; with a drag: a rectangle; with a piece in hand: do not snap'],
-    ['G', 'Select the connected pieces'],
+    ['{KeyG}', 'Select the connected pieces'],
     ['Delete', 'Remove what is selected'],
     ['Ctrl | D', 'Take a copy of what is selected'],
     ['Esc', 'Put the piece away; then leave'],
   ],
   'Race track in Build mode': [
     ['Drag', 'Move a point; a click on the line adds one'],
-    ['N | Shift | N', 'Select the next or previous point'],
+    ['{KeyN} | Shift | {KeyN}', 'Select the next or previous point'],
     ['Arrows', 'Move the selected point; with Shift in small steps'],
     ['Enter', 'Add a point after the selected one'],
     ['Delete', 'Delete the selected point'],
@@ -75,12 +61,15 @@ const OTHERS: Record<string, readonly [string, string][]> = {
   ],
 }
 
-interface Layout {
-  get(code: string): string | undefined
+/** A line that is shown while the layout of the keyboard is not known. */
+export function positionNote(): HTMLElement {
+  const note = h('p', { class: 'by-position' }, 'Letters are those of a US keyboard: the position of the key counts.')
+  knownCaps.watch((caps) => (note.hidden = caps.has('KeyW')))
+  return note
 }
 
 export function help(): { element: HTMLDialogElement; toggle: () => void } {
-  const body = h('div', { class: 'help-body' })
+  const body = h('div', { class: 'help-body' }, ...lists())
   const close = () => element.close()
   const element = h(
     'dialog',
@@ -98,24 +87,17 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
       },
     },
     h('header', {}, h('h2', {}, 'Keys and controls'), h('button', { testid: 'help-close', onclick: close }, 'Close')),
+    positionNote(),
     body,
   )
-
-  async function open(): Promise<void> {
-    element.showModal()
-    body.replaceChildren(...lists(undefined))
-    const layout = await layoutMap()
-    if (layout) body.replaceChildren(...lists(layout))
-  }
-
-  return { element, toggle: () => (element.open ? element.close() : void open()) }
+  return { element, toggle: () => (element.open ? element.close() : element.showModal()) }
 }
 
-function lists(layout: Layout | undefined): HTMLElement[] {
+function lists(): HTMLElement[] {
   const keys = Object.entries(KEYS).map(([title, all]) =>
     list(
       title,
-      all.map((key) => [caps(key, layout), key.description]),
+      all.map((key) => [caps(key), key.description]),
     ),
   )
   const others = Object.entries(OTHERS).map(([title, all]) =>
@@ -135,18 +117,9 @@ function list(title: string, rows: readonly [HTMLElement[], string][]): HTMLElem
   return h('section', {}, h('h3', {}, title), h('dl', {}, ...parts))
 }
 
-/** Labels of a key on the keyboard of the user. */
-function caps(key: Key, layout: Layout | undefined): HTMLElement[] {
-  const codes = key.isShifted ? ['Shift', ...key.codes] : key.codes
-  return codes.map((code) => h('kbd', {}, NAMES[code] ?? layout?.get(code)?.toUpperCase() ?? code.replace(/^Key/, '')))
-}
-
-/** The keyboard layout, if the browser supports it. */
-async function layoutMap(): Promise<Layout | undefined> {
-  const { keyboard } = navigator as { keyboard?: { getLayoutMap?: () => Promise<Layout> } }
-  try {
-    return await keyboard?.getLayoutMap?.()
-  } catch {
-    return undefined
-  }
+/** Caps of a key on the keyboard of the user. */
+function caps({ isShifted, characters = [], codes }: Key): HTMLElement[] {
+  return [...(isShifted ? ['Shift'] : []), ...characters.slice(0, 1), ...codes.map((code) => `{${code}}`)].map((name) =>
+    h('kbd', {}, name),
+  )
 }

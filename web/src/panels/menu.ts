@@ -146,7 +146,7 @@ function time(store: Store, actions: Actions): HTMLElement {
 
   const step = h(
     'button',
-    { testid: 'step', title: 'Run this number of ticks, then pause (key N: one tick)', onclick: run },
+    { testid: 'step', title: 'Run this number of ticks, then pause (key {KeyN}: one tick)', onclick: run },
     'Step',
   )
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {

@@ -10,25 +10,25 @@ export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   return h(
     'header',
     { class: 'toolbar' },
-    opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
+    opener('menu', 'Menu', MENU, 'KeyM', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     run(store),
-    opener('edit', 'Edit', EDIT, 'J', store.isEditing),
-    opener('build', 'Build', BUILD, 'Z', store.isBuilding),
+    opener('edit', 'Edit', EDIT, 'KeyJ', store.isEditing),
+    opener('build', 'Build', BUILD, 'KeyZ', store.isBuilding),
     h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),
-    opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
+    opener('hud', 'HUD', HUD, 'KeyU', store.isHudOpen),
   )
 }
 
 /** A button that shows and hides a panel. */
-function opener(id: string, label: string, path: string, key: string, isOpen: Observable<boolean>): HTMLElement {
+function opener(id: string, label: string, path: string, code: string, isOpen: Observable<boolean>): HTMLElement {
   const button = h(
     'button',
     {
       testid: `${id}-button`,
       'aria-controls': id,
       'aria-label': label,
-      title: `${label} (${key})`,
+      title: `${label} ({${code}})`,
       onclick: () => (isOpen.value = !isOpen.value),
     },
     icon(path),

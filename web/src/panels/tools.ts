@@ -7,12 +7,16 @@ import { h } from './element'
 import { labelled, section } from './fields'
 
 export function tools(store: Store, actions: Actions): HTMLElement {
-  const fullScreen = h('button', { testid: 'full-screen', title: 'Key F', onclick: toggleFullScreen }, 'Full screen')
+  const fullScreen = h(
+    'button',
+    { testid: 'full-screen', title: 'Key {KeyF}', onclick: toggleFullScreen },
+    'Full screen',
+  )
   fullScreen.hidden = !document.fullscreenEnabled
   document.addEventListener('fullscreenchange', () =>
     fullScreen.setAttribute('aria-pressed', String(document.fullscreenElement !== null)),
   )
-  const screenshot = { testid: 'screenshot', title: 'Download the view as a PNG file (key I)' }
+  const screenshot = { testid: 'screenshot', title: 'Download the view as a PNG file (key {KeyI})' }
   return section(
     'Tools',
     h(
@@ -20,12 +24,12 @@ export function tools(store: Store, actions: Actions): HTMLElement {
       { class: 'tools' },
       fullScreen,
       h('button', { ...screenshot, onclick: () => void actions.downloadView() }, 'Screenshot'),
-      toggle('measure-button', 'Measure', 'Distance between two points on the ground (key X)', store.isMeasuring),
-      toggle('log-button', 'Log', 'All notices with their times (key O)', store.isLogOpen),
+      toggle('measure-button', 'Measure', 'Distance between two points on the ground (key {KeyX})', store.isMeasuring),
+      toggle('log-button', 'Log', 'All notices with their times (key {KeyO})', store.isLogOpen),
     ),
-    labelled('Small map', toggleSwitch('minimap-switch', 'Key Q', store.isMapOpen)),
+    labelled('Small map', toggleSwitch('minimap-switch', 'Key {KeyQ}', store.isMapOpen)),
     labelled('Describe the scene', toggleSwitch('describe-switch', DESCRIBE, store.isDescribed)),
-    labelled('Driven lines', toggleSwitch('trails-switch', 'Key T', store.areTrailsShown)),
+    labelled('Driven lines', toggleSwitch('trails-switch', 'Key {KeyT}', store.areTrailsShown)),
     labelled('Collision shapes', toggleSwitch('shapes-switch', SHAPES, store.areShapesShown)),
     labelled('Contact forces', toggleSwitch('forces-switch', FORCES, store.areForcesShown)),
     labelled('Axes', toggleSwitch('axes-switch', AXES, store.areAxesShown)),
@@ -37,7 +41,7 @@ const SHAPES = 'What vehicles and movable boxes collide with, and fixed shapes n
 const FORCES = 'Arrows for the forces of the ground on the wheels, and of collisions on the body (key 2)'
 const AXES = 'Axes of the vehicles and of their sensors: x red, y green, z blue (key 3)'
 const DRAWINGS = 'Points, lines and texts that programs draw into the scene'
-const DESCRIBE = 'Each second a line of text for screen readers: place, speed and nearest obstacle (key Y)'
+const DESCRIBE = 'Each second a line of text for screen readers: place, speed and nearest obstacle (key {KeyY})'
 
 /** Enters or leaves full screen. */
 export function toggleFullScreen(): void {

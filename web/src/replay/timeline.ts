@@ -4,6 +4,7 @@ import './replay.css'
 import type { Actions } from '../actions'
 import { sentence } from '../actions'
 import type { Connection } from '../connection'
+import { keyText } from '../driving/key_caps'
 import { describe } from '../log'
 import type { Curve } from '../messages'
 import { h, icon, setText } from '../panels/element'
@@ -35,7 +36,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
   const slider = h('div', { testid: 'timeline', role: 'slider', tabindex: 0, ...label }, marks.element)
   const plot = runPlot(() => requestCurves())
   const track = h('div', { class: 'timeline-track' }, plot.element, slider, cursor, hover)
-  const play = button('play', PLAY, 'Play (P)', () => actions.togglePause())
+  const play = button('play', PLAY, 'Play', () => actions.togglePause())
   const time = h('output', { class: 'timeline-time', testid: 'timeline-time' })
   const file = h('span', { class: 'timeline-file', testid: 'timeline-file' })
   const speed = choice('timeline-speed', (value) => void actions.request({ type: 'SetSpeed', factor: Number(value) }), {
@@ -92,7 +93,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
     play.replaceChildren(icon(status.is_paused ? PLAY : PAUSE))
     const label = status.is_paused ? 'Play' : 'Pause'
     play.setAttribute('aria-label', label)
-    play.title = `${label} (P)`
+    play.title = keyText(`${label} ({KeyP})`)
     if (document.activeElement !== speed) showSpeed(status.speed ?? 1)
   })
   store.vehicle.watch(() => requestCurves())
