@@ -18,7 +18,8 @@ class Proxy:
     """
 
     def __init__(self, port: int) -> None:
-        self._port = port
+        self.port = port
+        """Port to which new connections are forwarded."""
         self._loop = asyncio.new_event_loop()
         self._writers: set[asyncio.StreamWriter] = set()
         self._server: asyncio.Server | None = None
@@ -81,7 +82,7 @@ class Proxy:
         head = head.replace(f"{method} {path}", f"{method} /{path.removeprefix(PATH)}", 1)
         if "\r\nupgrade:" not in head.lower():  # one request per connection
             head = re.sub(r"(?i)\r\nconnection:[^\r]*", "\r\nConnection: close", head)
-        server_source, server_sink = await asyncio.open_connection("127.0.0.1", self._port)
+        server_source, server_sink = await asyncio.open_connection("127.0.0.1", self.port)
         server_sink.write(head.encode("latin-1"))
         await asyncio.gather(self._copy(source, server_sink), self._copy(server_source, sink))
 

@@ -11,6 +11,11 @@ interface Pending {
 /** Requests without an answer are given up after this silence of the simulator [s]. */
 const GIVE_UP = 5
 
+/** The simulator answers so to requests of its WebSocket by HTTP. */
+const UPGRADE_REQUIRED = 426
+const NO_WEBSOCKETS =
+  'The simulator answers, but the proxy in between does not pass WebSockets; docs/proxy.md describes how it does.'
+
 export class Connection {
   private readonly pending = new Map<number, Pending>()
   private nextId = 1
@@ -29,9 +34,8 @@ export class Connection {
 
   /** Connects, and reconnects whenever the connection is lost. */
   open(): void {
-    const url = new URL('ws', document.baseURI)
+    const url = address()
     url.protocol = url.protocol.replace('http', 'ws')
-    url.search = location.search
     this.post({ type: 'Open', url: url.href })
   }
 
@@ -56,10 +60,21 @@ export class Connection {
     })
   }
 
-  private onLost(reason: string): void {
+  private onLost(reason: string, wasOpen: boolean): void {
     this.store.connectionError.value = reason || this.refusal || `The simulator at ${location.host} does not answer.`
     this.store.link.value = 'lost'
     this.rejectPending('the connection to the simulator was lost')
+    if (!wasOpen) void this.diagnose()
+  }
+
+  /** Asks by HTTP why no connection can be made: browsers do not tell pages the answer to a WebSocket. */
+  private async diagnose(): Promise<void> {
+    const answer = await fetch(address(), { method: 'POST' }).catch(() => null) // a GET would not have the origin
+    if (!answer) return
+    const isOurs = answer.headers.get('x-autodrive') !== null
+    const said = isOurs ? await answer.text() : `a proxy at ${location.host} answers with the status ${answer.status}`
+    this.refusal = answer.status === UPGRADE_REQUIRED ? NO_WEBSOCKETS : said
+    if (this.store.link.value === 'lost') this.store.connectionError.value = this.refusal
   }
 
   /** The simulator refuses later the requests that are given up here: see `heard` of Request. */
@@ -142,12 +157,12 @@ export class Connection {
       case 'Error': {
         const pending = message.id === null ? undefined : this.takePending(message.id)
         if (pending) pending.reject(new Error(message.text))
-        else if (message.code === 'version') this.refusal = message.text
+        else if (message.code === 'version') store.reloadReason.value = this.refusal = message.text
         else if (message.id === null) store.warning.value = message.text
         break
       }
       case 'Lost':
-        this.onLost(message.reason)
+        this.onLost(message.reason, message.wasOpen)
         break
       case 'Silence':
         this.onSilence(message.seconds)
@@ -169,6 +184,13 @@ export class Connection {
     if (frame.events.length > 0) this.store.events.value = frame.events
     this.store.frame.value = frame
   }
+}
+
+/** The address of the WebSocket, for HTTP. */
+function address(): URL {
+  const url = new URL('ws', document.baseURI)
+  url.search = location.search
+  return url
 }
 
 /** The parts of the map, or the race track, for a comparison. */

@@ -53,6 +53,7 @@ import { Store } from './store'
 import { Trails } from './trails'
 import { followViewInLink } from './view_link'
 
+document.querySelector('#loading')?.remove()
 showTheme(savedTheme())
 learnKeyCaps()
 const canvas = document.querySelector<HTMLCanvasElement>('#scene')
@@ -176,7 +177,11 @@ declare global {
 window.autodrive = debug
 
 // Large modules are loaded later; driving already works without them.
-void import('./panels/hud').then(({ hud }) => mainMenu.after(hud(store, connection, vehicleEvents)))
-void import('./scene/view').then(({ showScene }) => (actions.view = debug.view = showScene(canvas, store, trails)))
+const needsReload = () => (store.reloadReason.value = 'parts of the page could not be loaded')
+import('./panels/hud').then(({ hud }) => mainMenu.after(hud(store, connection, vehicleEvents)), needsReload)
+import('./scene/view').then(({ showScene }) => {
+  actions.view = debug.view = showScene(canvas, store, trails)
+}, needsReload)
+worker.addEventListener('error', needsReload)
 
 connection.open()

@@ -61,6 +61,8 @@ export interface Placement {
 
 export class Store {
   readonly link = new Observable<Link>('connecting')
+  /** Why the page must be loaded again; empty: it need not. */
+  readonly reloadReason = new Observable('')
   /** How far the start of the simulator is, while the link is 'starting'. */
   readonly starting = new Observable<Starting | null>(null)
   readonly welcome = new Observable<Welcome | null>(null)

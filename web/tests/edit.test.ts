@@ -81,7 +81,9 @@ test('arrows and brackets move the selected thing; one request follows when they
   window.addEventListener('keydown', drives)
   store.selection.value = 'crate'
   const press = (code: string, shiftKey = false, type = 'keydown') =>
-    window.dispatchEvent(new KeyboardEvent(type, { code, shiftKey, key: code === 'BracketLeft' ? '[' : code, bubbles: true }))
+    window.dispatchEvent(
+      new KeyboardEvent(type, { code, shiftKey, key: code === 'BracketLeft' ? '[' : code, bubbles: true }),
+    )
   press('ArrowRight')
   press('ArrowRight')
   press('ArrowUp', true)

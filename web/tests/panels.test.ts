@@ -515,6 +515,21 @@ describe('the scene in words', () => {
   })
 })
 
+test('a page of another version offers to reload, whatever the connection does', () => {
+  const { store, connection, socket } = connectedPage()
+  document.body.append(banner(store, new Actions(store, connection)))
+  expect(get('banner-reload').hidden).toBe(true)
+  const text = 'this simulator speaks version 3 of the native protocol, not 2'
+  socket.receive({ type: 'Error', code: 'version', text, id: null })
+  socket.close()
+  expect(get('banner').hidden).toBe(false)
+  expect(get('banner').textContent).toContain('This simulator speaks version 3')
+  expect(get('banner-reload').hidden).toBe(false)
+  expect(get('banner-reset').hidden).toBe(true)
+  store.link.value = 'open'
+  expect(get('banner').hidden).toBe(false)
+})
+
 describe('the help', () => {
   test('opens and closes, and lists every key', () => {
     const { element, toggle } = help()

@@ -1,5 +1,5 @@
 // The message below the toolbar while the simulator starts, while there is no connection (the page keeps the last image),
-// or if the physics cannot continue.
+// if the physics cannot continue, or if the page must be loaded again.
 import { type Actions, sentence } from '../actions'
 import type { Starting } from '../messages'
 import type { Store } from '../store'
@@ -25,6 +25,7 @@ export function banner(store: Store, actions: Actions): HTMLElement {
   const text = h('span')
   const spinner = h('i', { class: 'spinner' })
   const reset = h('button', { testid: 'banner-reset', onclick: () => void actions.reset() }, 'Reset')
+  const reload = h('button', { testid: 'banner-reload', onclick: () => location.reload() }, 'Reload the page')
   const bar = h('progress', { testid: 'starting', 'aria-label': 'Start of the simulator' })
   const line = h(
     'div',
@@ -32,9 +33,17 @@ export function banner(store: Store, actions: Actions): HTMLElement {
     spinner,
     text,
     reset,
+    reload,
     bar,
   )
   let timer = 0
+  store.reloadReason.watch((reason) => {
+    reload.hidden = !reason
+    if (!reason) return
+    spinner.hidden = reset.hidden = bar.hidden = true
+    line.hidden = false
+    setText(text, sentence(reason))
+  })
   store.starting.watch((now) => {
     if (!now) return
     setText(text, starting(now))
@@ -42,6 +51,7 @@ export function banner(store: Store, actions: Actions): HTMLElement {
     else bar.value = now.share
   })
   store.link.watch((link) => {
+    if (store.reloadReason.value) return
     window.clearTimeout(timer)
     document.documentElement.toggleAttribute('data-lost', link === 'lost')
     spinner.hidden = link === 'open'
@@ -57,7 +67,7 @@ export function banner(store: Store, actions: Actions): HTMLElement {
     else timer = window.setTimeout(() => (line.hidden = false), DELAY)
   })
   store.status.watch((status) => {
-    if (store.link.value !== 'open') return
+    if (store.link.value !== 'open' || store.reloadReason.value) return
     line.hidden = !status?.error
     setText(text, sentence(status?.error ?? ''))
   })

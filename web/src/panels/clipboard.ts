@@ -1,4 +1,4 @@
-// Copies the text of an element to the clipboard.
+// Copies the text of an element to the clipboard, and finds commands in texts.
 
 /** Selects the text of an element and copies it; returns whether the browser permitted that. */
 export async function copyText(element: HTMLElement): Promise<boolean> {

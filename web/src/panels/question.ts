@@ -18,15 +18,16 @@ export function ask(
       label,
     ),
   )
+  const cancel = h('button', { type: 'button', testid: `${testid}-cancel` }, 'Cancel')
   const form = h(
     'form',
     { method: 'dialog', class: 'question-body' },
     ...content,
-    h('div', { class: 'row' }, h('button', { type: 'button', testid: `${testid}-cancel` }, 'Cancel'), ...buttons),
+    h('div', { class: 'row' }, cancel, ...buttons),
   )
   const heading = h('header', {}, h('h2', {}, title))
   const dialog = h('dialog', { class: 'help question', testid, 'aria-label': title }, heading, form)
-  for (const button of form.querySelectorAll<HTMLButtonElement>("button[type='button']"))
+  for (const button of [cancel, ...buttons.filter(({ type }) => type === 'button')])
     button.addEventListener('click', () => dialog.close(button.value))
   document.body.append(dialog)
   dialog.showModal()

@@ -5,7 +5,8 @@ import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
 import { fileName, scenarioTitle, stem } from '../scenario_title'
 import type { Store } from '../store'
-import { h } from './element'
+import { copyText } from './clipboard'
+import { h, setText } from './element'
 import { ask, type Choice } from './question'
 
 /** Added to the title of the scenario that was edited. */
@@ -77,9 +78,19 @@ async function showLink(text: string): Promise<boolean> {
     {},
     'Whoever opens the link with a running simulator gets the map. Replace the address before # by theirs.',
   )
-  if ((await ask('link-dialog', 'Link with the map', [note, shown], [['copy', 'Copy', true]])) !== 'copy') return false
-  await navigator.clipboard?.writeText(link).catch(() => undefined)
-  return true
+  const copied = h('output', { testid: 'link-copied' })
+  let isCopied = false
+  const copy = async (): Promise<void> => {
+    isCopied = await copyText(shown)
+    setText(copied, isCopied ? 'Copied.' : 'Press Ctrl-C to copy the selected text.')
+  }
+  const button = h(
+    'button',
+    { type: 'button', class: 'primary', testid: 'link-copy', onclick: () => void copy() },
+    'Copy',
+  )
+  await ask('link-dialog', 'Link with the map', [note, shown, h('p', {}, button, ' ', copied)], [])
+  return isCopied
 }
 
 /** Asks for title and name, then downloads the map, or its scenario; returns whether it was saved. */

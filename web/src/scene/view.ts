@@ -71,6 +71,9 @@ const BUILD_DISTANCE = 1.8
 /** Between a panel and what is shown beside it [CSS pixels]. */
 const GAP = 20
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
+const LOST = 'The graphics context of this page was lost, perhaps because the driver of the graphics card restarted.'
+/** Time for the browser to restore it [ms]; then the simulator renders. */
+const RESTORING = 3000
 const TOO_SLOW = 'This computer renders slowly. The simulator renders the scene.'
 
 class View implements SceneView {
@@ -96,6 +99,7 @@ class View implements SceneView {
   /** Whether the World of an edited scene is being made: no image shows the old one meanwhile. */
   private isReplaced = false
   private profile: Profile
+  private isContextLost = false
   private before = 0
   /** Wall times of the latest image, and of the latest Frame and other change that it may not show yet [s]. */
   private drawnAt = 0
@@ -266,12 +270,25 @@ class View implements SceneView {
     const shown = () => this.choice.restart(performance.now() / 1000)
     document.addEventListener('visibilitychange', shown)
     this.cleanups.push(() => document.removeEventListener('visibilitychange', shown))
+    let timer = 0
+    const lost = () => {
+      this.isContextLost = true
+      this.store.warning.value = LOST
+      timer = window.setTimeout(() => this.useRemoteView(NO_WEBGL), RESTORING)
+    }
     const restored = () => {
+      window.clearTimeout(timer)
+      this.isContextLost = false
       this.world?.invalidateShadows()
       change()
     }
+    canvas.addEventListener('webglcontextlost', lost)
     canvas.addEventListener('webglcontextrestored', restored)
-    this.cleanups.push(() => canvas.removeEventListener('webglcontextrestored', restored))
+    this.cleanups.push(() => {
+      window.clearTimeout(timer)
+      canvas.removeEventListener('webglcontextlost', lost)
+      canvas.removeEventListener('webglcontextrestored', restored)
+    })
   }
 
   private addFrame(frame: Frame): void {
@@ -342,7 +359,7 @@ class View implements SceneView {
 
   private setQuality(): void {
     const quality = this.store.quality.value
-    if (quality !== 'stream' && !this.renderer) this.store.warning.value = NO_WEBGL
+    if (quality !== 'stream' && !this.canDraw) this.store.warning.value = NO_WEBGL
     if (quality === 'stream') this.startStream()
     else this.store.isStreamStarting.value = false // its last image stays until the page has drawn one
     const profile = this.choice.profile(quality)
@@ -351,6 +368,11 @@ class View implements SceneView {
     this.profile = profile
     this.build()
     this.resize()
+  }
+
+  /** Whether the page can draw the scene itself. */
+  private get canDraw(): boolean {
+    return this.renderer !== null && !this.isContextLost
   }
 
   /** Whether images of the simulator are shown. */
@@ -365,7 +387,7 @@ class View implements SceneView {
   /** The page draws the map itself while it is viewed, if it can: the simulator does not have that camera. */
   private pauseStream(): void {
     const { store } = this
-    const isPaused = store.isMapViewed && this.renderer !== null
+    const isPaused = store.isMapViewed && this.canDraw
     if (isPaused === store.isStreamPaused.value) return
     store.isStreamPaused.value = isPaused
     if (isPaused) this.remote.hide()

@@ -36,6 +36,8 @@ const FROM_CAMERA = CAMERA.clone().invert()
 const ORBIT = { distance: 1.15, elevation: 0.5, aside: 0.45 }
 /** Smaller changes of the orbit [rad, m] are rounding errors. */
 const ORBIT_PRECISION = 1e-6
+/** After this time, half of a movement of the orbit is left, at any rate of images [s]. */
+const ORBIT_HALF_TIME = 0.09
 /** Target of the orbit, relative to the centre of the rear axle [m]. */
 const ORBIT_TARGET_AHEAD = 0.07
 const ORBIT_TARGET_HEIGHT = 0.05
@@ -58,7 +60,6 @@ export class Viewpoints {
     this.controls.enabled = false
     this.controls.enablePan = false
     this.controls.enableDamping = true
-    this.controls.dampingFactor = 0.12
     ;[this.controls.minDistance, this.controls.maxDistance] = ORBIT_DISTANCE
     this.controls.maxPolarAngle = 0.5 * Math.PI - 0.02
   }
@@ -79,7 +80,7 @@ export class Viewpoints {
     this.controls.enabled = name === 'Orbit'
     if (name !== "God's Eye") this.godState = null
     if (name === 'Fly' && (this.hasLooked || this.store.fly.value)) this.flyOn(dt)
-    else if (name === 'Orbit') this.orbitVehicle(vehicle)
+    else if (name === 'Orbit') this.orbitVehicle(vehicle, dt)
     else if (name === "Driver's Eye" || name === 'Fly')
       this.driversEye(scene.scene_cameras["Driver's Eye"] as DriversEye, vehicle)
     else if (name === "Bird's Eye") this.birdsEye(scene.scene_cameras[name] as unknown as Lens, vehicle, height)
@@ -150,7 +151,7 @@ export class Viewpoints {
     return within({ ...{ x: position.x, y: position.y, z: position.z }, azimuth, elevation: -tilt })
   }
 
-  private orbitVehicle(vehicle: PlacedObject): void {
+  private orbitVehicle(vehicle: PlacedObject, dt: number): void {
     const target = offset
       .set(ORBIT_TARGET_AHEAD, 0, ORBIT_TARGET_HEIGHT)
       .applyQuaternion(vehicle.orientation)
@@ -160,6 +161,7 @@ export class Viewpoints {
     if (this.store.orbit.value === this.placed) position.add(target).sub(this.controls.target)
     else position.copy(target).add(fromOrbit(this.store.orbit.value))
     this.controls.target.copy(target)
+    this.controls.dampingFactor = 1 - 0.5 ** (dt / ORBIT_HALF_TIME)
     this.controls.update()
     const before = this.store.orbit.value
     const now = toOrbit(target.subVectors(position, target))

@@ -34,6 +34,7 @@ export class Link {
   private silences = 0
   /** `clock` of the latest Status of this connection. */
   private heard: number | null = null
+  private wasOpen = false
 
   /** `onMessage` gets each message of the simulator, `Silence`, `Heard`, and `Lost` when there is no connection. */
   constructor(private readonly onMessage: (message: WorkerMessage) => void) {}
@@ -49,8 +50,10 @@ export class Link {
     this.lastMessage = performance.now()
     this.silences = 0
     this.heard = null
+    this.wasOpen = false
     socket.binaryType = 'arraybuffer'
     socket.onopen = () => {
+      this.wasOpen = true
       this.send({ type: 'Hello', protocol: PROTOCOL, name: 'page' })
       this.send(this.subscription)
     }
@@ -61,7 +64,7 @@ export class Link {
 
   private reconnect(url: string, reason: string): void {
     this.socket = null
-    this.onMessage({ type: 'Lost', reason })
+    this.onMessage({ type: 'Lost', reason, wasOpen: this.wasOpen })
     setTimeout(() => this.connect(url), this.retryDelay)
     this.retryDelay = Math.min(2 * this.retryDelay, RETRY_MAX)
   }

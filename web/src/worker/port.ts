@@ -27,8 +27,8 @@ export type PageMessage =
 /** What the worker tells the page: the messages of the simulator, and what happened to the connection. */
 export type WorkerMessage =
   | ServerMessage
-  /** The connection was lost, or could not be made; `reason` is that of the simulator. */
-  | { type: 'Lost'; reason: string }
+  /** The connection was lost, or could not be made (`wasOpen` is false); `reason` is that of the simulator. */
+  | { type: 'Lost'; reason: string; wasOpen: boolean }
   /** The simulator, which sends Status messages in a pause, too, has sent nothing for this time [s]. */
   | { type: 'Silence'; seconds: number }
   /** The simulator sends again, after a Silence. */

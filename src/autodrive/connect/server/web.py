@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from uvicorn.protocols.utils import ClientDisconnected
 
+from autodrive.base.log_throttle import LogThrottle
 from autodrive.connect.server.access import AccessPolicy, is_host
 from autodrive.connect.server.files import File
+
+log = logging.getLogger(__name__)
 
 CONTENT_POLICY = "; ".join(
     (
@@ -30,11 +35,17 @@ CONTENT_POLICY = "; ".join(
 WebSocket of a host as 'self'."""
 
 HEADERS = [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
+MARK = (b"x-autodrive", b"1")
+"""Tells the page that a text is an answer of the simulator and not of a proxy."""
 
-TEXT = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store")]
+TEXT = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store"), MARK]
 
 PUBLIC = "assets/"
-"""Part of the page that needs no token: links inside the page do not carry one, and the content is public."""
+"""Part of the page that everybody may read: links in the page carry no token, the content is public, and the page must
+start to show why its connection is refused."""
+
+REFUSAL_INTERVAL = 10.0
+"""Refused requests of one kind are logged once in this time [s]."""
 
 CHUNK = 2**16
 """A file is sent in parts of this size [bytes], so that a slow reader needs little memory."""
@@ -56,13 +67,16 @@ class WebApplication:
         self._policy = policy
         self._find = find
         self._serve = serve
+        self._log_throttle = LogThrottle(REFUSAL_INTERVAL, time.monotonic)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI interface."""
         path = scope["path"].lstrip("/")
         headers = dict(scope["headers"])
-        is_public = scope["type"] == "http" and path.startswith(PUBLIC) and self._policy.token is not None
+        is_public = scope["type"] == "http" and path.startswith(PUBLIC)
         refusal = "" if is_public else self._policy.refusal(headers, scope["query_string"])
+        if refusal and self._log_throttle.admits(refusal.partition("'")[0]):
+            log.warning("server: a request was refused: %s", refusal)
         if scope["type"] == "websocket":
             await receive()
             if not refusal and path == "ws":
@@ -73,6 +87,8 @@ class WebApplication:
             raise ClientDisconnected  # otherwise uvicorn logs the answer as an error of the application
         elif refusal:
             await _answer(send, 403, refusal)
+        elif path == "ws":
+            await _answer(send, 426, "this is the address of a WebSocket; a proxy in between must pass WebSockets")
         elif headers.get(b"transfer-encoding") or headers.get(b"content-length", b"0") != b"0":
             await _answer(send, 400, "a request with content is not accepted", is_last=True)
         elif scope["method"] not in {"GET", "HEAD"}:
