@@ -14,7 +14,9 @@ def urdf(
     output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."),
+        typer.Argument(
+            help="Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
+        ),
     ] = None,
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""

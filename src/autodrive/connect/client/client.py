@@ -432,7 +432,7 @@ class Client:
 
     def urdf(self, vehicle: str) -> str:
         """The URDF of a vehicle as it is now: frames of sensors and wheels, masses, meshes. See `DescribeVehicle`."""
-        self.connection.request(DescribeVehicle(vehicle))
+        self.connection.request(DescribeVehicle(vehicle), is_read=False)
         return self.connection.text
 
     # -- the devkit bridge ----------------------------------------------------------------------------------------
