@@ -218,13 +218,14 @@ def test_types_qos_and_type_hashes_are_those_of_the_documented_packages(ros: Ros
     for name, kind in TYPES.items():
         assert known[name] == [kind.replace("/", "/msg/")]
     qos = {
-        f"{VEHICLE}/scan": ("BEST_EFFORT", "VOLATILE"),
-        f"{VEHICLE}/front_camera/image_raw": ("BEST_EFFORT", "VOLATILE"),
+        f"{VEHICLE}/scan": ("RELIABLE", "VOLATILE"),
+        f"{VEHICLE}/imu/data": ("RELIABLE", "VOLATILE"),
+        f"{VEHICLE}/front_camera/image_raw": ("RELIABLE", "VOLATILE"),
         f"{VEHICLE}/odom": ("RELIABLE", "VOLATILE"),
         f"{VEHICLE}/robot_description": ("RELIABLE", "TRANSIENT_LOCAL"),
         "/tf": ("RELIABLE", "VOLATILE"),
         "/tf_static": ("RELIABLE", "TRANSIENT_LOCAL"),
-        "/clock": ("BEST_EFFORT", "VOLATILE"),
+        "/clock": ("RELIABLE", "VOLATILE"),
     }
     for topic, expected in qos.items():
         (one,) = ros.probe.publishers(topic)

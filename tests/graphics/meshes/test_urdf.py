@@ -61,8 +61,8 @@ def asset(spec: VehicleSpec) -> Asset:
 
 
 @pytest.fixture(scope="module")
-def described(spec: VehicleSpec) -> tuple[str, dict[str, bytes]]:
-    return vehicle_urdf(spec, "nigel")
+def described(spec: VehicleSpec, asset: Asset) -> tuple[str, dict[str, bytes]]:
+    return vehicle_urdf(spec, "nigel", asset)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,6 @@ from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion
 from autodrive.graphics.assets.asset import Asset, Material
 from autodrive.graphics.meshes.urdf_inertia import Inertia, chassis, knuckle, wheel
 from autodrive.graphics.meshes.urdf_mesh import Triangles, meshes_by_link, stl
-from autodrive.graphics.meshes.vehicle import vehicle_asset
 from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.physics.sensors.camera import OPTICAL
 from autodrive.physics.sensors.sensor import Mount
@@ -33,12 +32,9 @@ SIDEWAYS: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """Turns a cylinder of URDF from z to y."""
 
 
-def vehicle_urdf(spec: VehicleSpec, name: str, asset: Asset | None = None) -> tuple[str, dict[str, bytes]]:
-    """The URDF of a vehicle with that name, and its meshes: path in the package -> binary STL.
-
-    `asset`: its asset, if it is built already.
-    """
-    meshes = meshes_by_link(vehicle_asset(spec) if asset is None else asset)
+def vehicle_urdf(spec: VehicleSpec, name: str, asset: Asset) -> tuple[str, dict[str, bytes]]:
+    """The URDF of a vehicle with that name and asset, and its meshes: path in the package -> binary STL."""
+    meshes = meshes_by_link(asset)
     robot = Element("robot", name=name)
     files: dict[str, bytes] = {}
     for material in sorted({one for parts in meshes.values() for one in parts}, key=lambda one: one.name):
