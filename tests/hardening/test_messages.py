@@ -246,6 +246,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "OpenFile", "name": "sent.yaml", "text": "width: 1.2\npoints: [0 0, 9 0, 9 5, 0 5]"},
     {"type": "ListFiles"},
     {"type": "DescribeWeather"},
+    {"type": "DescribeVehicle", "vehicle": "V1"},
     {"type": "SaveFile", "name": "mine", "kind": "map", "title": "x", "replaces": True},
     {"type": "SaveFile", "name": "mine", "kind": "scenario", "title": "x", "replaces": True},
     {"type": "ExportMap", "name": "mine", "resolution": 0.2},

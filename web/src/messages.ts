@@ -495,6 +495,16 @@ export interface DescribeWeather {
 }
 
 /**
+ * The URDF of a vehicle as it is now, with the poses of its sensors: the `text` of the Response.
+ *
+ * Its meshes are files of the ROS package autodrive_description, which has those of the shipped vehicles.
+ */
+export interface DescribeVehicle {
+  type: 'DescribeVehicle'
+  vehicle: string
+}
+
+/**
  * Record the simulation into a file of the simulator.
  *
  * `keep` None: everything from now on, until a `StopRecording`. A number: only the last `keep` seconds are kept, until
@@ -748,7 +758,7 @@ export interface Hello {
  * are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
- * backlog.
+ * backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
  */
 export interface Subscribe {
   type: 'Subscribe'
@@ -760,6 +770,7 @@ export interface Subscribe {
   drawings?: boolean
   shapes?: boolean
   contacts?: boolean
+  frames_of_readings?: boolean
 }
 
 /**
@@ -789,7 +800,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
   heard?: number | null
 }
 
@@ -865,6 +876,7 @@ export interface VehicleScene {
   size: [number, number, number]
   is_traffic: boolean
   sensors: Record<string, SensorScene>
+  missing_gravity: number
 }
 
 /**
@@ -1470,7 +1482,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

@@ -11,14 +11,21 @@ from autodrive.base.cache import make_folder, write_file
 
 
 def urdf(
-    names: Annotated[list[str], typer.Argument(help="Names of vehicles, or paths of their YAML files.")],
     output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
+        ),
+    ] = None,
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""
-    from autodrive.graphics.meshes.urdf import package_files
+    from autodrive.base.yaml_files import names as names_of
+    from autodrive.graphics.meshes.store import description
     from autodrive.scenario.vehicles.spec import load_vehicle
 
-    files = package_files({Path(name).stem: load_vehicle(name) for name in names})
+    described = [description(load_vehicle(name), Path(name).stem) for name in names or names_of("vehicle")]
+    files = {path: content for one in described for path, content in one.items()}
     for path, content in files.items():
         make_folder((output / path).parent)
         write_file(output / path, content)

@@ -32,7 +32,7 @@ Reduction: TypeAlias = Literal["element", "nearest", "beam"]
 user sets."""
 
 RosQos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf", "command", "league"]
-"""QoS class of a ROS topic: 'sensor' and 'clock' may lose messages, 'latched' keeps the last one for late
+"""QoS class of a ROS topic: 'sensor' and 'clock' keep few messages, 'latched' keeps the last one for late
 subscribers, 'command' is that of subscriptions, 'league' that of all topics in the profile of the RoboRacer league."""
 
 League: TypeAlias = Literal["", "allowed", "restricted"]
@@ -353,10 +353,14 @@ CHANNELS: tuple[Channel, ...] = (
         rate="sensors.imu.rate",
         topics=(
             RosTopic(
-                "imu", "sensor_msgs/Imu", "orientation, angular velocity, linear acceleration", "sensor", "allowed"
+                "imu",
+                "sensor_msgs/Imu",
+                "orientation, angular velocity, acceleration without gravity",
+                "sensor",
+                "allowed",
             ),
-            RosTopic("imu/data", "sensor_msgs/Imu", "same as imu, name of REP 145", "sensor"),
-            RosTopic("imu/data_raw", "sensor_msgs/Imu", "same as imu without the orientation", "sensor"),
+            RosTopic("imu/data", "sensor_msgs/Imu", "as imu, with gravity: +g upward at rest (REP 145)", "sensor"),
+            RosTopic("imu/data_raw", "sensor_msgs/Imu", "as imu/data, without the orientation", "sensor"),
         ),
     ),
     _channel(

@@ -61,7 +61,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
-    backlog.
+    backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
     """
 
     frame_rate: Rate | None = 60.0
@@ -72,6 +72,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     drawings: bool = False
     shapes: bool = False
     contacts: bool = False
+    frames_of_readings: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -149,6 +150,15 @@ class DescribeWeather(msgspec.Struct, frozen=True, tag=True):
     """What the present weather means in numbers: the `text` of the Response, as `autodrive weather` prints it."""
 
 
+class DescribeVehicle(msgspec.Struct, frozen=True, tag=True):
+    """The URDF of a vehicle as it is now, with the poses of its sensors: the `text` of the Response.
+
+    Its meshes are files of the ROS package autodrive_description, which has those of the shipped vehicles.
+    """
+
+    vehicle: Name
+
+
 ServerOperation: TypeAlias = (
     Operation
     | ConnectBridge
@@ -156,6 +166,7 @@ ServerOperation: TypeAlias = (
     | SetCamera
     | ViewSensor
     | DescribeWeather
+    | DescribeVehicle
     | RecordingOperation
     | FileOperation
 )
@@ -252,6 +263,8 @@ class VehicleScene(msgspec.Struct, frozen=True):
     """See `VehicleFrame`."""
     sensors: dict[str, SensorScene] = {}
     """Sensors and cameras, also those that are off, by name."""
+    missing_gravity: float = 9.81
+    """Acceleration upward that the IMU leaves out [m/s^2]; 0: it measures the specific force, as an accelerometer."""
 
 
 class Plan(msgspec.Struct, frozen=True):

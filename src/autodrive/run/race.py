@@ -32,7 +32,7 @@ from autodrive.protocol.messages import (
     SetWeather,
     Step,
 )
-from autodrive.protocol.native import DescribeWeather, Drive, SetCamera, ViewSensor
+from autodrive.protocol.native import DescribeVehicle, DescribeWeather, Drive, SetCamera, ViewSensor
 from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.run.options import RunOptions
 from autodrive.run.race_seat import Seat
@@ -57,7 +57,8 @@ CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
 ALLOWED = (
     *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
-    *(SetCamera, ViewSensor, DescribeWeather, StartRecording, StopRecording, SaveRecording, PlotRecording),
+    *(SetCamera, ViewSensor, DescribeVehicle, DescribeWeather),
+    *(StartRecording, StopRecording, SaveRecording, PlotRecording),
 )
 """Operations of viewers that a race takes: those of a marshal, and what only changes the view."""
 

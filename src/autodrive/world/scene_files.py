@@ -100,6 +100,11 @@ class _Files:
         return Plan(f"{FOLDER}/{name}", drawn_bounds(map_))
 
 
+def vehicle_urdf(world: World, vehicle: str) -> str:
+    """The URDF of a vehicle of the world; its name is that of the vehicle's type."""
+    return store.urdf(world.vehicle_specs[vehicle], world.spec.vehicles[vehicle].type)
+
+
 @lru_cache(2 * MAX_BOXES)
 def box_file(size: tuple[float, float, float]) -> tuple[str, bytes]:
     """Name and content of the .glb file of a box, kept in memory: each edit makes a Scene with all the boxes again."""
@@ -124,6 +129,7 @@ def _vehicle(name: str, spec: VehicleSpec, world: World, files: _Files) -> Vehic
         size=spec.size,
         sensors={name: _sensor(sensor) for name, sensor in sensors.items()},
         is_traffic=name in world.spec.traffic.names,
+        missing_gravity=0.0 if spec.sensors.imu.measures_specific_force else world.spec.gravity,
     )
 
 

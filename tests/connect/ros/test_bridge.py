@@ -48,6 +48,7 @@ from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
 ROOT = Path(__file__).parents[3]
 URDF = (ROOT / "ros/autodrive_description/urdf/nigel.urdf").read_text()
 NIGEL = load_vehicle("nigel")
+CAR = "autodrive/nigel_1"
 SCENARIOS = {"mini_map": "Mini-map", "two_cars": "Two cars"}
 
 
@@ -85,7 +86,7 @@ def node() -> Recorder:
 @pytest.fixture
 def bridge(server: Server, node: Recorder) -> Iterator[Bridge]:
     with running(Config(port=server.port, robot_description=URDF), node) as one:
-        wait_until(lambda: "/tf" in node.messages)
+        wait_until(lambda: f"{CAR}/wheels" in node.messages)
         yield one
 
 
@@ -97,8 +98,8 @@ def after_drive(simulation: Simulation, node: Recorder, command: autodrive.Comma
     frame = simulation.request(Step(10, {"V1": command})).result(LIMIT)
 
     def stamp() -> float:
-        """Of the transforms, which are published after all other states."""
-        return seconds(node.last("/tf")["transforms"][0].fields["header"]["stamp"])
+        """Of the wheels, which are published after all other states."""
+        return seconds(node.last("wheels")["header"]["stamp"])
 
     wait_until(lambda: stamp() == pytest.approx(frame.time, abs=1e-9))
     return frame, frame.vehicles["V1"]
@@ -129,11 +130,14 @@ def test_all_readings_equal_the_frame(simulation: Simulation, bridge: Bridge, no
         assert message["position"] == pytest.approx([vehicle.encoders.angles[i]])
         assert message["name"] == [f"{side}_encoder"]
     assert vector(node.last("ips")) == pytest.approx(vehicle.ips.position)
-    for name in ("imu", "imu/data"):
+    upward = matrix((0.0, 0.0, 0.0), np.roll(vehicle.imu.orientation, -1))[2, :3]
+    for name, gravity in (("imu", 0.0), ("imu/data", 9.81), ("imu/data_raw", 9.81)):
         imu = node.last(name)
-        assert vector(imu["orientation"]) == pytest.approx(np.roll(vehicle.imu.orientation, -1))
+        if name != "imu/data_raw":
+            assert vector(imu["orientation"]) == pytest.approx(np.roll(vehicle.imu.orientation, -1))
         assert vector(imu["angular_velocity"]) == pytest.approx(vehicle.imu.angular_velocity)
-        assert vector(imu["linear_acceleration"]) == pytest.approx(vehicle.imu.linear_acceleration)
+        acceleration = vehicle.imu.linear_acceleration + gravity * upward
+        assert vector(imu["linear_acceleration"]) == pytest.approx(acceleration, abs=1e-9)
         assert seconds(imu["header"]["stamp"]) == pytest.approx(vehicle.imu.time)
     truth = node.last("ground_truth/odom")
     assert vector(truth["pose"]["pose"]["position"]) == pytest.approx(vehicle.pose.position)
@@ -230,11 +234,17 @@ def _lamps(simulation: Simulation) -> tuple[int, int]:
     return lights.headlights, lights.indicators
 
 
+def send_pose(node: Recorder, frame: str, x: float, y: float, yaw: float, *, length: float = 1.0) -> None:
+    """An initial pose in a TF frame; `length` of its quaternion."""
+    spot = SimpleNamespace(x=x, y=y, z=0.0)
+    turn = SimpleNamespace(x=0.0, y=0.0, z=length * math.sin(0.5 * yaw), w=length * math.cos(0.5 * yaw))
+    pose = SimpleNamespace(pose=SimpleNamespace(position=spot, orientation=turn))
+    node.send("nigel_1/initialpose", header=SimpleNamespace(frame_id=frame), pose=pose)
+
+
 def test_an_initial_pose_teleports_the_vehicle(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
     simulation.request(Pause()).result(LIMIT)
-    spot = SimpleNamespace(x=1.0, y=0.1, z=0.0)
-    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(0.5), w=math.cos(0.5))
-    node.send("nigel_1/initialpose", pose=SimpleNamespace(pose=SimpleNamespace(position=spot, orientation=turn)))
+    send_pose(node, "map", 1.0, 0.1, 1.0)
     pose = simulation.frame.vehicles["V1"].pose
     assert pose.position[:2] == pytest.approx((1.0, 0.1), abs=1e-6)
     assert 2 * math.atan2(pose.orientation[3], pose.orientation[0]) == pytest.approx(1.0)
@@ -299,7 +309,7 @@ def test_markers_are_drawn_in_the_map_and_follow_the_frame_of_a_vehicle(
     node.send("markers", markers=[marker(10)])
     node.send("markers", markers=[marker(2, header=SimpleNamespace(frame_id="laser"))])
     assert "the marker 'plan/0' has the type 10; types 0 to 9 are drawn" in caplog.text
-    assert "a marker has the frame 'laser'; frames are: map, base_link" in caplog.text
+    assert "the frame 'laser' is not known. Known: map, nigel_1, left_encoder" in caplog.text
     assert list(simulation.world.drawings) == ["plan/0"]
     node.send("markers", markers=[marker(0, action=3)])
     simulation.request(Resume()).result(LIMIT)

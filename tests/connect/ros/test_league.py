@@ -19,7 +19,6 @@ from autodrive import Command, Frame, Simulation
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
-from autodrive.connect.ros.robot import Robot
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.connect.server.server import Server
@@ -110,7 +109,7 @@ def test_a_parameter_sets_the_names_of_older_releases() -> None:
 def test_readings_and_frames_are_those_of_the_league(simulation: Simulation, server: Server) -> None:
     node = Recorder()
     with running(Config(port=server.port, profile="roboracer", robot_description=URDF), node):
-        wait_until(lambda: "/tf" in node.messages)
+        wait_until(lambda: f"{CAR}/odom" in node.messages)
         simulation.request(Pause()).result(LIMIT)
         frame = simulation.request(Step(20, {"V1": Command(0.1, 0.5)})).result(LIMIT)
         wait_until(lambda: seconds(node.last(f"{CAR}/odom")["header"]["stamp"]) == pytest.approx(frame.time))
@@ -273,7 +272,7 @@ def hold(node: Recorder, is_held: bool) -> None:
 def test_laps_are_those_of_the_race() -> None:
     node, config = Recorder(), Config(profile="roboracer")
     Bridge(config, node)  # creates the topics
-    publisher = VehiclePublisher(config, VehicleInfo.of(config.car), Robot("<robot/>"), node)
+    publisher = VehiclePublisher(config, VehicleInfo.of(config.car), node)
     counts = itertools.count(2)
     race = RaceState(
         RaceStatus.RACING, next(counts), 12, 3.5, 9.25, 9.0, 20.0, 10.0, next(counts), 4, 5.0, 1, 0.0, False

@@ -103,7 +103,7 @@ def test_covariances_of_the_imu_are_the_squares_of_its_noise() -> None:
 
 
 def test_a_raw_imu_has_no_orientation() -> None:
-    fields = readings.imu(IMU, "imu", NOISE, is_raw=True).fields
+    fields = readings.imu(IMU, "imu", NOISE, has_orientation=False).fields
     assert fields["orientation_covariance"][0] == -1.0
     assert "orientation" not in fields
 

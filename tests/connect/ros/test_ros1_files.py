@@ -27,7 +27,7 @@ def test_every_parameter_is_an_argument_with_the_same_default() -> None:
         one.attrib["name"]: one.attrib["default"]
         for one in ElementTree.parse(PACKAGE / "launch" / "autodrive.launch").iterfind("arg")
     }
-    del arguments["use_sim_time"], arguments["urdf"]
+    del arguments["use_sim_time"], arguments["urdf"], arguments["car"]
     for field in dataclasses.fields(Config):
         if field.name != "robot_description":
             default = arguments.pop(field.name)

@@ -183,6 +183,32 @@ def transforms(ros: Ros2, topic: str) -> list[dict[str, Any]]:
     return ros.received(topic)["transforms"]
 
 
+def test_transforms_are_sent_before_the_readings_of_their_time(ros: Ros2, sim: Client) -> None:
+    """To default subscribers, which are reliable; before TF, a subscriber could not transform them on arrival."""
+    ros.probe.record("/tf", "tf2_msgs/TFMessage")
+    topics = {"scan": "sensor_msgs/LaserScan", "imu/data": "sensor_msgs/Imu", "odom": "nav_msgs/Odometry"}
+    for name, kind in topics.items():
+        ros.probe.record(f"{VEHICLE}/{name}", kind)
+    readings = {name: ros.probe.recorded(f"{VEHICLE}/{name}", 20) for name in topics}
+    transforms = dict(reversed(ros.probe.recorded("/tf", 20)))  # the first time of sending of each stamp
+    first, last = min(transforms), max(transforms)
+    for name, messages in readings.items():
+        known = [(stamp, sent) for stamp, sent in messages if first <= stamp <= last]
+        assert len(known) >= 10
+        assert all(min(at for other, at in transforms.items() if other >= stamp) <= sent for stamp, sent in known), name
+
+
+def test_a_node_that_starts_in_a_pause_receives_the_time_transforms_and_the_state(ros: Ros2, sim: Client) -> None:
+    time = sim.pause().time
+    kinds = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", f"{VEHICLE}/odom": "nav_msgs/Odometry"}
+    with probe(ros.environment, ros.folder) as late:
+        for topic, kind in kinds.items():
+            late.subscribe(topic, kind, "RELIABLE")
+        clock, tf, odom = (late.latest(topic)["message"] for topic in kinds)
+        stamps = clock["clock"], tf["transforms"][0]["header"]["stamp"], odom["header"]["stamp"]
+        assert [seconds(stamp) for stamp in stamps] == pytest.approx([time] * 3, abs=1e-6)
+
+
 def poses(messages: list[dict[str, Any]]) -> dict[str, tuple[str, np.ndarray]]:
     """Frame -> its parent and its pose in the parent."""
     found = {}
@@ -218,13 +244,14 @@ def test_types_qos_and_type_hashes_are_those_of_the_documented_packages(ros: Ros
     for name, kind in TYPES.items():
         assert known[name] == [kind.replace("/", "/msg/")]
     qos = {
-        f"{VEHICLE}/scan": ("BEST_EFFORT", "VOLATILE"),
-        f"{VEHICLE}/front_camera/image_raw": ("BEST_EFFORT", "VOLATILE"),
+        f"{VEHICLE}/scan": ("RELIABLE", "VOLATILE"),
+        f"{VEHICLE}/imu/data": ("RELIABLE", "VOLATILE"),
+        f"{VEHICLE}/front_camera/image_raw": ("RELIABLE", "VOLATILE"),
         f"{VEHICLE}/odom": ("RELIABLE", "VOLATILE"),
         f"{VEHICLE}/robot_description": ("RELIABLE", "TRANSIENT_LOCAL"),
         "/tf": ("RELIABLE", "VOLATILE"),
         "/tf_static": ("RELIABLE", "TRANSIENT_LOCAL"),
-        "/clock": ("BEST_EFFORT", "VOLATILE"),
+        "/clock": ("RELIABLE", "VOLATILE"),
     }
     for topic, expected in qos.items():
         (one,) = ros.probe.publishers(topic)

@@ -81,3 +81,20 @@ def test_a_frame_that_becomes_due_while_a_scan_is_sent_is_sent() -> None:
         return road.sent
 
     assert asyncio.run(drive()) == ["Scan", "Frame 2"]
+
+
+@pytest.mark.parametrize(("is_wanted", "sent"), [(False, ["Scan"]), (True, ["Scan", "Frame 4"])])
+def test_a_client_can_have_the_frame_of_each_scan_beyond_its_rate(is_wanted: bool, sent: list[str]) -> None:
+    async def drive() -> list[str]:
+        road = Road(frame_rate=1e-3)
+        road.viewer.subscribe(Subscribe(frame_rate=1e-3, scans=True, frames_of_readings=is_wanted))
+        for tick in (1, 2):  # the second one begins the period of the rate
+            road.news(replace(OLD, tick=tick))
+            await road.go_on()
+        road.sent.clear()
+        road.news(replace(OLD, tick=3))  # with the same scan
+        road.news(replace(frame(vehicle(lidar=scan([2.0] * 8))), tick=4))
+        await road.go_on()
+        return road.sent
+
+    assert asyncio.run(drive()) == sent

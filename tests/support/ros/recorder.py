@@ -25,6 +25,8 @@ class Recorder:
         self.topics: dict[str, Topic] = {}
         self.subscriptions: dict[str, Subscription] = {}
         self.messages: dict[str, list[Message]] = {}
+        self.order: list[tuple[str, Message]] = []
+        """Topic and message, as they were published."""
         self._unsubscribed = unsubscribed
 
     def add_topics(self, topics: list[Topic], subscriptions: list[Subscription]) -> None:
@@ -40,6 +42,7 @@ class Recorder:
         assert message.type == topic.type
         assert topic.name in self.topics, f"{topic.name} was not created"
         self.messages.setdefault(topic.name, []).append(message)
+        self.order.append((topic.name, message))
 
     def now(self) -> float:
         return time.time()

@@ -8,6 +8,7 @@ It is independent of this project: it subscribes and publishes with rospy and lo
 import base64
 import importlib
 import json
+import queue
 import sys
 import threading
 import time
@@ -54,6 +55,23 @@ class Probe:
         with self._condition:
             assert self._condition.wait_for(lambda: self._counts.get(topic, 0) > after, limit), f"no message on {topic}"
             return {"message": plain(self._messages[topic]), "count": self._counts[topic]}
+
+    def join(self, topic, kind, target, count, limit=60.0):
+        """How many of `count` messages the buffer of tf2 can transform before the next one arrives: a queue of one."""
+        arrived = queue.Queue()
+        subscriber = rospy.Subscriber(topic, class_of(kind), arrived.put, queue_size=count)
+        joined, message = 0, arrived.get(timeout=limit)
+        for _ in range(count):
+            is_joined = False
+            while arrived.empty():
+                is_joined = is_joined or self._buffer.can_transform(
+                    target, message.header.frame_id, message.header.stamp
+                )
+                time.sleep(0.001)
+            joined += is_joined
+            message = arrived.get()
+        subscriber.unregister()
+        return joined
 
     def counts(self):
         return self._counts

@@ -75,6 +75,7 @@ class Probe:
         self._messages = {}
         self._counts = {}
         self._by_stamp = {}
+        self._sent = {}
         self._subscriptions = {}
         self._publishers = {}
         self._published_messages = {}
@@ -90,6 +91,26 @@ class Probe:
         callback = lambda message: self._on_message(message, topic)  # noqa: E731
         create = self._node.create_subscription
         self._subscriptions[topic] = self._in_executor(create, class_of(kind), topic, callback, qos)
+
+    def record(self, topic, kind):
+        """Subscribe as by default; from now on, keep the stamp of each message and when it was sent [ns]."""
+        sent = self._sent[topic] = []
+
+        def note(message, info):
+            stamped = message.transforms[0] if hasattr(message, "transforms") else message
+            stamp = stamped.header.stamp
+            with self._condition:
+                sent.append([stamp.sec * 10**9 + stamp.nanosec, info["source_timestamp"]])
+                self._condition.notify_all()
+
+        create = self._node.create_subscription
+        self._in_executor(create, class_of(kind), topic, note, 10)
+
+    def recorded(self, topic, count, limit=120.0):
+        """Stamp and time of sending of the messages that were recorded, once there are so many."""
+        with self._condition:
+            assert self._condition.wait_for(lambda: len(self._sent[topic]) >= count, limit), f"too few of {topic}"
+            return list(self._sent[topic])
 
     def unsubscribe(self, topic):
         self._in_executor(self._node.destroy_subscription, self._subscriptions.pop(topic))

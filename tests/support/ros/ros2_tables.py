@@ -15,10 +15,10 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "ros2.md"
 PACKAGE = Path(__file__).parents[3] / "ros" / "ros2" / "autodrive_ros2" / "autodrive_ros2"
 
 QOS = {
-    "sensor": "best effort, 5",
+    "sensor": "reliable, 5",
     "state": "reliable, 10",
     "latched": "reliable, transient local, 1",
-    "clock": "best effort, 1",
+    "clock": "reliable, 1",
     "tf": "reliable, 100",
     "command": "reliable, 10",
     "league": "reliable, 1",

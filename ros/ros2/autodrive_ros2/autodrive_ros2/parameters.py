@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,19 +36,19 @@ def declare(node: Node) -> tuple[Config, dict[str, Any]]:
         descriptor = ParameterDescriptor(description=text, read_only=True, dynamic_typing=True)
         value = node.declare_parameter(name, default, descriptor).value
         values[name] = type(default)(value)
-    type_ = "roboracer" if values["profile"] == "roboracer" else values["vehicle_type"] or "nigel"
-    values["robot_description"] = _urdf(values["robot_description"], type_, node)
     own = {name: values.pop(name) for name in OWN}
-    return Config(**values), own
+    config = Config(**values)
+    return replace(config, robot_description=_urdf(config, node)), own
 
 
-def _urdf(given: str, vehicle: str, node: Node) -> str:
-    """The given text, or the content of the given file, or the URDF of the package autodrive_description."""
-    if given.lstrip().startswith("<"):
+def _urdf(config: Config, node: Node) -> str:
+    """The given text, or the content of the given file; in devkit mode else the URDF of autodrive_description."""
+    given = config.robot_description
+    if given.lstrip().startswith("<") or (not given and config.mode == "direct"):
         return given
     try:
-        file = Path(given or f"{get_package_share_directory('autodrive_description')}/urdf/{vehicle}.urdf")
-        return file.read_text()
+        own = given or f"{get_package_share_directory('autodrive_description')}/urdf/{config.car.name}.urdf"
+        return Path(own).read_text()
     except (PackageNotFoundError, OSError) as error:
         node.get_logger().warning(
             f"no robot description, so no frames of sensors and wheels ({error}). Build the package "

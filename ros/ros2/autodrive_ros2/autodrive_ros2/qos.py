@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+RELIABLE = ReliabilityPolicy.RELIABLE
 
 QOS = {
-    "sensor": QoSProfile(depth=5, reliability=BEST_EFFORT),
+    "sensor": QoSProfile(depth=5, reliability=RELIABLE),
     "state": QoSProfile(depth=10, reliability=RELIABLE),
     "latched": QoSProfile(depth=1, reliability=RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL),
-    "clock": QoSProfile(depth=1, reliability=BEST_EFFORT),
+    "clock": QoSProfile(depth=1, reliability=RELIABLE),
     "tf": QoSProfile(depth=100, reliability=RELIABLE),
     "command": QoSProfile(depth=10, reliability=RELIABLE),
     "league": QoSProfile(depth=1, reliability=RELIABLE),
 }
-"""`qos` of a topic or subscription -> profile: the usual ones of sensor data, tf2 and /clock, that of commands, and
-that of the RoboRacer league. History and durability are the defaults: keep last, volatile."""
+"""`qos` of a topic or subscription -> profile. All are reliable: default subscribers, which are, get no message of a
+best-effort publisher, and best-effort subscribers get those of a reliable one. History and durability are the defaults:
+keep last, volatile."""

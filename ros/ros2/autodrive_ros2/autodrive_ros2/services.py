@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 import re
 import time
 from collections.abc import Callable
@@ -13,7 +12,8 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
 from autodrive import AutodriveError
-from autodrive.base.transforms import rotate
+from autodrive.base.transforms import euler_from_quaternion, rotate
+from autodrive.connect.ros.robot import quaternion
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Pose, Reset, Resume, Step, Teleport
 from autodrive.ros import Bridge, Time
 
@@ -191,8 +191,7 @@ class Services:
             raise ServiceError(unsupported, f"the frame must be world or map, not '{state.header.frame_id}'")
         if any(getattr(of, axis) for of in (state.twist.linear, state.twist.angular) for axis in "xyz"):
             raise ServiceError(unsupported, "the twist must be 0")
-        q, at = state.pose.orientation, state.pose.position
-        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        at, (_, _, yaw) = state.pose.position, euler_from_quaternion(quaternion(state.pose.orientation))
         self._bridge.request(Teleport(vehicles[request.entity], at.x, at.y, yaw))
 
     # -- worlds ---------------------------------------------------------------------------------------------------

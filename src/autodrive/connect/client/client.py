@@ -58,6 +58,7 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import (
     ConnectBridge,
+    DescribeVehicle,
     DisconnectBridge,
     Drive,
     Picture,
@@ -427,6 +428,11 @@ class Client:
     def scenario_text(self) -> str:
         """The scenario with all edits, as YAML: `Path("mine.yaml").write_text(sim.scenario_text())`."""
         self.connection.request(SaveScenario())
+        return self.connection.text
+
+    def urdf(self, vehicle: str) -> str:
+        """The URDF of a vehicle as it is now: frames of sensors and wheels, masses, meshes. See `DescribeVehicle`."""
+        self.connection.request(DescribeVehicle(vehicle), is_read=False)
         return self.connection.text
 
     # -- the devkit bridge ----------------------------------------------------------------------------------------

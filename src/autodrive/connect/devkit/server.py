@@ -83,6 +83,7 @@ class Server:
         self._one_at_a_time = threading.Lock()
         self._error: BaseException | None = None
         self._ended = threading.Event()
+        self._connections: set[ServerConnection] = set()
         self._server = serve(
             self._serve_simulator,
             host,
@@ -96,6 +97,11 @@ class Server:
         self.port: int = self._server.socket.getsockname()[1]
         self._thread = threading.Thread(target=self._server.serve_forever, name="autodrive-devkit-server", daemon=True)
         self._thread.start()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether a simulator is connected."""
+        return bool(self._connections)
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until `close`, or for `timeout` [s]. Raises what `respond` raised."""
@@ -126,6 +132,7 @@ class Server:
             "pingInterval": int(1e3 * PING_INTERVAL),
         }
         pinged = time.monotonic()
+        self._connections.add(connection)
         try:
             connection.send("0" + json.dumps(handshake))
             connection.send("40")
@@ -137,6 +144,8 @@ class Server:
                     pinged = time.monotonic()
         except ConnectionClosed:
             log.info("a simulator disconnected")
+        finally:
+            self._connections.discard(connection)
 
     def _answers(self, packet: str) -> list[str]:
         if event := _EVENT.match(packet):

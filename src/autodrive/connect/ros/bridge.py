@@ -16,13 +16,15 @@ import numpy as np
 
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.log_throttle import LogThrottle
+from autodrive.base.suggest import suggest
+from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion
 from autodrive.connect.ros.command_input import CommandInput
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.direct_source import DirectSource
 from autodrive.connect.ros.markers import drawings
 from autodrive.connect.ros.message import Message, Node, Subscription, Time, Topic
-from autodrive.connect.ros.robot import Robot, Transform
+from autodrive.connect.ros.robot import Transform, in_parent, quaternion
 from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.connect.ros.topics import (
     CLOCK,
@@ -48,6 +50,7 @@ from autodrive.protocol.messages import (
     Teleport,
     TrafficLightFrame,
     TrafficLightState,
+    VehicleFrame,
 )
 from autodrive.protocol.native import Scene, Status
 
@@ -57,6 +60,9 @@ RETRY_INTERVAL = 0.5
 """Between two attempts to connect to a simulator [s]."""
 COMMAND_INTERVAL = 0.1
 """A command that is still valid is sent again after this simulated time: the simulator has a timeout too [s]."""
+REPEAT_INTERVAL = 1.0
+"""In a pause, the latest state is published again after this wall time [s]."""
+WORLD_TO_MAP = Transform("world", "map", (0.0, 0.0, 0.0))
 WARNING_INTERVAL = 10.0
 """The same warning is not logged more often [s]."""
 
@@ -72,14 +78,15 @@ class Bridge:
         self.config = config
         self._node = node
         self._clock = clock
-        self._robot = Robot(config.robot_description) if config.robot_description else Robot("<robot/>")
         self._vehicles: dict[str, VehiclePublisher] = {}
         self._inputs: dict[str, CommandInput] = {}
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="autodrive-ros-bridge", daemon=True)
         self._lock = threading.Lock()
         self._created: set[str] = set()
-        self._pending: Update | None = None
+        self._latest: Update | None = None
+        self._is_pending = False
+        """Whether the states of the latest update were not published yet."""
         self._due = 0.0
         self._sent: dict[str, float] = {}
         self._tick = -1
@@ -98,7 +105,7 @@ class Bridge:
         world = published(config, WORLD_TOPICS)
         inputs = [*self._light_subscriptions(), *self._environment_subscriptions(), *self._league_subscriptions()]
         node.add_topics([*world, *self._light_topics], [*inputs, *self._marker_subscriptions()])
-        self.on_vehicles({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
+        self._create({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
 
     def start(self) -> None:
         """Connect to a simulator in a thread."""
@@ -155,8 +162,10 @@ class Bridge:
 
     @property
     def max_wait(self) -> float:
-        """Time until a pending state is due [s]; infinite if there is none."""
-        return max(self._due - self._clock(), 0.0) if self._pending is not None else math.inf
+        """Time until a state is due, a new one or the latest again [s]; infinite if there is none."""
+        if self._latest is None:
+            return math.inf
+        return max(self._due + (0.0 if self._is_pending else REPEAT_INTERVAL) - self._clock(), 0.0)
 
     @property
     def is_closed(self) -> bool:
@@ -165,9 +174,20 @@ class Bridge:
 
     def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles, and publish descriptions and static transforms."""
+        self._create(vehicles)
+        for vehicle in self._vehicles.values():
+            vehicle.publish_description()
+            if text := vehicle.contradiction:
+                log.warning("%s", text)
+        self._latest, self._tick = None, -1
+        if self.config.publish_tf and not self.config.is_league:
+            static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
+            self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
+
+    def _create(self, vehicles: dict[str, VehicleInfo]) -> None:
+        """Create the topics of new vehicles."""
         self._vehicles = {
-            name: VehiclePublisher(self.config, info, self._robot, self._node, self._created)
-            for name, info in vehicles.items()
+            name: VehiclePublisher(self.config, info, self._node, self._created) for name, info in vehicles.items()
         }
         for name, vehicle in self._vehicles.items():
             command_input = self._inputs.setdefault(name, CommandInput(self.config, vehicle.info))
@@ -176,11 +196,6 @@ class Bridge:
             if root not in self._created:
                 self._created.add(root)
                 self._node.add_topics(vehicle.topics.all, [*self._subscriptions(name, root)])
-            vehicle.publish_description()
-        self._pending, self._tick = None, -1
-        if self.config.publish_tf and not self.config.is_league:
-            static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
-            self._publish_transforms([Transform("world", "map", (0.0, 0.0, 0.0)), *static], 0.0, TF_STATIC)
 
     def on_update(self, update: Update) -> None:
         """Publish new data, and the states if they are due."""
@@ -192,10 +207,16 @@ class Bridge:
             self._repeat_commands()
 
     def on_idle(self) -> None:
-        """Publish the pending state if it is due: in a pause, no Frame follows."""
+        """Publish the latest state if it is due, in a pause also again, for nodes that start in it."""
         with self._lock:
-            if self._pending is not None and self._clock() >= self._due:
-                self._publish_states(self._pending)
+            if self._latest is None or self.max_wait > 0.0:
+                return
+            if not self._is_pending:
+                for vehicle in self._vehicles.values():
+                    vehicle.forget()
+                self._publish_clock(self._latest.frame)
+            self._publish_moving(self._latest.frame)
+            self._publish_states(self._latest)
 
     def warn(self, text: str) -> None:
         """Log a warning; the same one at most once in `WARNING_INTERVAL`."""
@@ -208,44 +229,59 @@ class Bridge:
     # -- publishing -----------------------------------------------------------------------------------------------
 
     def _publish(self, update: Update) -> None:
-        for (vehicle, camera), picture in update.pictures.items():
-            self._vehicles[vehicle].publish_picture(camera, picture)
+        """Publish the time, then the transforms of that time, and then what subscribers transform with them."""
+        frame, is_due = update.frame, update.is_new and self._clock() >= self._due
+        if update.is_new:
+            self._begin(update)
+        if is_due or update.scans or update.pictures or frame.events:
+            self._publish_moving(frame)
+        for event in frame.events if update.is_new else ():
+            if isinstance(event, Collision) and event.vehicle in self._vehicles:
+                stamp = Time.of(event.time)
+                self._vehicles[event.vehicle].publish_collision(stamp, event.other, event.impulse, event.position)
+        if is_due:
+            self._publish_states(update)
         for vehicle, scan in update.scans.items():
             self._vehicles[vehicle].publish_scan(scan)
-        if update.is_new:
-            self._publish_frame(update)
+        for (vehicle, camera), picture in update.pictures.items():
+            self._vehicles[vehicle].publish_picture(camera, picture)
 
-    def _publish_frame(self, update: Update) -> None:
+    def _begin(self, update: Update) -> None:
+        """Publish the time of a new Frame; its states are published when they are due."""
         frame = update.frame
         self._time = frame.time
         if frame.tick < self._tick:
             for vehicle in self._vehicles.values():
                 vehicle.restart()
         self._tick = frame.tick
+        self._latest, self._is_pending = update, True
+        self._publish_clock(frame)
+
+    def _publish_clock(self, frame: Frame) -> None:
         if self._node.has_subscribers(CLOCK):
             self._node.publish(Message(CLOCK.type, {"clock": Time.of(frame.time)}), CLOCK)
-        for event in frame.events:
-            if isinstance(event, Collision) and event.vehicle in self._vehicles:
-                stamp = Time.of(event.time)
-                self._vehicles[event.vehicle].publish_collision(stamp, event.other, event.impulse, event.position)
-        self._pending = update
-        if self._clock() >= self._due:
-            self._publish_states(update)
+
+    def _publish_moving(self, frame: Frame) -> None:
+        """Publish the poses of vehicles, steering and wheels."""
+        moving: list[Transform] = []
+        for name, reading in self._own_vehicles(frame):
+            vehicle = self._vehicles[name]
+            vehicle.advance(reading)
+            moving += vehicle.transforms(reading)
+        if self.config.publish_tf and self._node.has_subscribers(TF):
+            self._publish_transforms(moving, frame.time, TF)
+
+    def _own_vehicles(self, frame: Frame) -> list[tuple[str, VehicleFrame]]:
+        """Without those of the traffic."""
+        return [(name, reading) for name, reading in frame.vehicles.items() if not reading.is_traffic]
 
     def _publish_states(self, update: Update) -> None:
         now, period = self._clock(), 1.0 / self.config.rate
         self._due = max(self._due + period, now - 0.5 * period)
-        self._pending = None
+        self._is_pending = False
         stamp = Time.of(update.frame.time)
-        moving: list[Transform] = []
-        for name, reading in update.frame.vehicles.items():
-            if reading.is_traffic:
-                continue
-            vehicle = self._vehicles[name]
-            vehicle.publish(stamp, reading)
-            moving += vehicle.transforms(reading)
-        if self.config.publish_tf and self._node.has_subscribers(TF):
-            self._publish_transforms(moving, update.frame.time, TF)
+        for name, reading in self._own_vehicles(update.frame):
+            self._vehicles[name].publish(stamp, reading)
         for topic, (_, state) in zip(self._light_topics, sorted(update.traffic_lights.items()), strict=False):
             self._publish_number(topic, state)
         if self._is_direct and update.frame.traffic_lights and not self.config.is_league:
@@ -298,7 +334,7 @@ class Bridge:
             Subscription(
                 f"{root}/initialpose",
                 "geometry_msgs/PoseWithCovarianceStamped",
-                "teleports the vehicle to a pose in map; direct mode",
+                "teleports the vehicle to a pose, also in a frame of TF; direct mode",
                 partial(self._on_initial_pose, vehicle),
             ),
         ]
@@ -351,10 +387,15 @@ class Bridge:
             self._try(Reset())
 
     def _on_initial_pose(self, vehicle: str, message: Any) -> None:
-        pose = message.pose.pose
-        q = pose.orientation
-        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-        self._try(Teleport(vehicle, pose.position.x, pose.position.y, yaw))
+        given = message.pose.pose
+        with self._warning():
+            pose = self._in_map(
+                message.header.frame_id,
+                (given.position.x, given.position.y, given.position.z),
+                quaternion(given.orientation),
+            )
+            x, y, _ = pose.position.tolist()
+            self._direct.request(Teleport(vehicle, x, y, euler_from_quaternion(pose.orientation)[2]))
 
     def _league_subscriptions(self) -> list[Subscription]:
         """The reset of the league: a level, so that one message with true is one reset."""
@@ -375,7 +416,7 @@ class Bridge:
     def _marker_subscriptions(self) -> list[Subscription]:
         if not self._is_direct or self.config.is_league:
             return []
-        text = "drawn into the view of the page, in map or the base_link of a vehicle; direct mode"
+        text = "drawn into the view of the page, in map or a frame of a vehicle; direct mode"
         return [Subscription("autodrive/markers", "visualization_msgs/MarkerArray", text, self._on_markers)]
 
     def _on_markers(self, message: Any) -> None:
@@ -383,13 +424,21 @@ class Bridge:
             self._direct.request(drawings(message, self._pose_of))
 
     def _pose_of(self, frame: str) -> Pose:
-        """Pose in the map of a TF frame. Raises `CommandError` if the simulator does not know it."""
-        if frame in ("", "map", "world"):
-            return Pose(np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))
-        known = {one.topics.frame("base_link"): name for name, one in self._vehicles.items()}
-        if frame not in known or self.frame is None:
-            raise CommandError(f"a marker has the frame '{frame}'; frames are: map, {', '.join(known)}")
-        return self.frame.vehicles[known[frame]].pose
+        """Pose in the map of a TF frame, now. Raises `CommandError` if the bridge does not have it."""
+        return self._in_map(frame, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+    def _in_map(self, frame: str, position: Vector, orientation: Quaternion) -> Pose:
+        """A pose in a TF frame as a pose in the map, now. '' is the map. Raises `CommandError` as `_pose_of`."""
+        frames: dict[str, Transform] = {}
+        for name, reading in self._own_vehicles(self.frame) if self.frame else ():
+            frames |= {one.child: one for one in self._vehicles[name].frames(reading)}
+        known, at = ["map", *frames], frame.lstrip("/")
+        while at not in ("", "map", "world"):
+            if (link := frames.pop(at, None)) is None:
+                raise CommandError(f"the frame '{frame}' is not known. {suggest(frame, known)}")
+            position, orientation = in_parent(link, position, orientation)
+            at = link.parent
+        return Pose(np.array(position), np.array(orientation))
 
     # -- traffic lights -------------------------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ class Car:
     cameras: tuple[str, ...]
     vertical_field_of_view: float
     """Of its cameras [deg]."""
+    lidar_rays: int
     lidar_angle_min: float
     """Of the first ray in a message [deg]."""
     lidar_field_of_view: float
@@ -45,6 +46,7 @@ NIGEL = Car(
     steering_limit=0.5236,
     cameras=("front", "rear"),
     vertical_field_of_view=41.669,
+    lidar_rays=360,
     lidar_angle_min=0.0,
     lidar_field_of_view=360.0,
     lidar_range_min=0.15,
@@ -59,9 +61,11 @@ ROBORACER = Car(
     steering_limit=0.5236,
     cameras=("front",),
     vertical_field_of_view=48.83,
+    lidar_rays=1080,
     lidar_angle_min=-135.0,
     lidar_field_of_view=270.0,
     lidar_range_min=0.06,
     lidar_range_max=10.0,
     lidar_rate=40.0,
 )
+CARS = {car.name: car for car in (NIGEL, ROBORACER)}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from autodrive.base.errors import AutodriveError
-from autodrive.connect.ros.cars import NIGEL, ROBORACER, Car
+from autodrive.connect.ros.cars import CARS, NIGEL, ROBORACER, Car
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, Side
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
@@ -40,7 +40,8 @@ class Config:
     """Direction of a positive steering feedback, 'left' or 'right'; '': that of the profile."""
     vehicle_type: str = ""
     """First part of the vehicle names since 2023, until a simulator is connected; '': 'nigel'. In the profile
-    'roboracer' it is always the first part; '': 'roboracer'."""
+    'roboracer' it is always the first part; '': 'roboracer'. In devkit mode, whose protocol does not have them, 'nigel'
+    and 'roboracer' also select the car whose frames, LIDAR and limits the bridge uses."""
     rate: float = 30.0
     """Maximum rate of states in wall time [Hz]. Scans and images are published when they are new. In devkit mode, all
     messages have this rate, and commands are sent with the answers."""
@@ -63,7 +64,7 @@ class Config:
     """Whether the transform from map to odom is published, from ground truth. Switch it off if a localisation node
     publishes it."""
     robot_description: str = ""
-    """URDF of the vehicles: poses of sensors and wheels."""
+    """URDF of all vehicles: poses of sensors and wheels; '': in direct mode that of each vehicle in the simulator."""
 
     def __post_init__(self) -> None:
         if self.mode not in ("direct", "devkit"):
@@ -101,7 +102,7 @@ class Config:
     @property
     def car(self) -> Car:
         """Figures of the vehicles where the simulator does not send them."""
-        return ROBORACER if self.is_league else NIGEL
+        return CARS.get(self.vehicle_type.partition("_")[0], ROBORACER if self.is_league else NIGEL)
 
     def vehicle_name(self, number: int, type_: str = "") -> str:
         """Name of a vehicle in topics and frames, from its number (from 1) and type."""

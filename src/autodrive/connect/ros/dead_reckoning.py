@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, sin
+from math import atan2, cos, inf, sin
 
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.connect.ros.robot import Transform
@@ -22,6 +22,8 @@ class DeadReckoning:
         """Forward [m/s]."""
         self.distance = 0.0
         """Length of the path, forward and backward [m]."""
+        self.interval = inf
+        """Of the mean that `speed` is [s]."""
         self._radius = wheel_radius
         self._last: tuple[float, float, float] | None = None
 
@@ -40,7 +42,8 @@ class DeadReckoning:
             self.yaw += turn
             self.distance += abs(step)
             if time > last_time:
-                self.speed = step / (time - last_time)
+                self.interval = time - last_time
+                self.speed = step / self.interval
         self._last = angle, heading, time
 
     def pose(self, parent: str, child: str) -> Transform:

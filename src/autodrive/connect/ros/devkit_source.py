@@ -16,7 +16,7 @@ import simplejpeg
 
 from autodrive.base.transforms import euler_from_quaternion, rotate
 from autodrive.connect.devkit import F1TENTH, Server
-from autodrive.connect.ros.cars import Car
+from autodrive.connect.ros.cars import CARS, Car
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.direct_source import POLL_INTERVAL
 from autodrive.connect.ros.source import Listener, Update, VehicleInfo
@@ -92,7 +92,8 @@ class DevkitSource:
         with Server(lambda data: self.respond(data, listener), host=host, port=int(port)) as server:
             while not listener.is_closed:
                 server.wait(min(listener.max_wait, POLL_INTERVAL))
-                listener.on_idle()
+                if server.is_connected:
+                    listener.on_idle()
 
     def respond(self, data: Mapping[str, Any], listener: Listener) -> dict[str, str] | None:
         """The answer to a message. Malformed messages are answered too: the original simulator waits for it.
@@ -131,6 +132,8 @@ class DevkitSource:
             frames[name] = vehicle.update(data, now)
             if vehicle.new_scan is not None:
                 scans[name] = vehicle.new_scan
+                if text := vehicle.contradiction(name):
+                    listener.warn(text)
             pictures |= {(name, camera): picture for camera, picture in vehicle.new_pictures(data, now).items()}
         lights = {n: int(data[key]) for n in range(1, TRAFFIC_LIGHTS + 1) if (key := f"TL{n} State") in data}
         if frames:
@@ -180,6 +183,8 @@ class _Vehicle:
         self._state = F1TENTH(prefix)
         self._texts: dict[str, tuple[str, float]] = {}
         """Last text of the scan and of each image, and its time [s]."""
+        self._is_checked = False
+        """Whether a contradiction was reported."""
         self._angle: float | None = None
         self._time = 0.0
         self._speed = 0.0
@@ -264,6 +269,22 @@ class _Vehicle:
         step = whole / (count - 1 if count % 2 and begin else count)
         limits = car.lidar_range_min, car.lidar_range_max
         return LidarScan(now, ranges, intensities, begin, step, *limits, rate, 1.0 / rate, 0.0)
+
+    def contradiction(self, name: str) -> str:
+        """That the scan is not one of the configured car, the first time; '' otherwise."""
+        car, count = (
+            self._config.car,
+            len(self._state.lidar_range_array if self._state.lidar_range_array is not None else ()),
+        )
+        if self._is_checked or count in (car.lidar_rays, car.lidar_rays + 1):
+            return ""
+        self._is_checked = True
+        known = " or ".join(f"'{other.name}'" for other in CARS.values())
+        return (
+            f"{name} has a LIDAR of {count} rays, {car.name} one of {car.lidar_rays}: it is another car. The devkit "
+            f"protocol does not say which one, so frames, angles of the LIDAR and limits of {car.name} are used. Set "
+            f"vehicle_type to {known}, or use the mode 'direct'"
+        )
 
     def _race(self) -> RaceState | None:
         """Laps and collisions, if the simulator sends them; nothing else of a race is known."""

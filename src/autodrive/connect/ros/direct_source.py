@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections.abc import Callable
 from typing import Any
 
+from msgspec.structs import replace
+
+from autodrive.base.errors import CommandError
 from autodrive.connect.client import Client, NoSimulatorError
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.source import Listener, Update, VehicleInfo
@@ -35,6 +39,7 @@ class DirectSource:
         pictures: dict[tuple[str, str], Picture] = {}
         quality = config.picture_quality
         with Client(**self._address(), frame_rate=config.rate, picture_quality=quality, patience=0.0) as sim:
+            sim.connection.subscribe(replace(sim.connection.subscription, frames_of_readings=True))
             while not listener.is_closed:
                 rate = max(config.rate, config.clock_rate) if listener.wants_clock else config.rate
                 sim.set_rates(rate, config.picture_rate if listener.wants_images else 0.0)
@@ -46,10 +51,11 @@ class DirectSource:
                     continue
                 if view.scene is not None and view.scene is not self.scene:
                     self.scene, self.scenarios, scans, pictures = view.scene, sim.scenarios, {}, {}
-                    listener.on_vehicles(vehicle_infos(view.scene))
+                    listener.on_vehicles(self._described(sim, view.scene, listener))
                 if (frame := view.frame) is None:
                     continue
-                update = Update(frame, _news(view.scans, scans), _news(view.pictures, pictures), is_new=view.is_new)
+                new_scans, new_pictures = _news(view.scans, scans, frame), _news(view.pictures, pictures, frame)
+                update = Update(frame, new_scans, new_pictures, is_new=view.is_new)
                 self.frame, self.status = view.read(), view.status
                 listener.on_update(update)
 
@@ -67,6 +73,15 @@ class DirectSource:
             if self._sender is not None:
                 self._sender.close()
                 self._sender = None
+
+    def _described(self, sim: Client, scene: Scene, listener: Listener) -> dict[str, VehicleInfo]:
+        """The vehicles of the Scene with their URDF."""
+        infos = vehicle_infos(scene)
+        try:
+            return {name: dataclasses.replace(info, urdf=sim.urdf(name)) for name, info in infos.items()}
+        except CommandError as error:  # of an older simulator
+            listener.warn(f"the simulator does not describe its vehicles: no frames of sensors and wheels ({error})")
+            return infos
 
     def _send(self, send: Callable[[Client], Any]) -> Any:
         with self._lock:
@@ -96,14 +111,18 @@ def vehicle_infos(scene: Scene) -> dict[str, VehicleInfo]:
             one.speed_limit,
             one.steering_limit,
             one.sensor_noise,
+            one.missing_gravity,
         )
         for number, (name, one) in enumerate(scene.vehicles.items(), start=1)
         if not one.is_traffic  # they come last
     }
 
 
-def _news(latest: dict[Any, Any], known: dict[Any, Any]) -> dict[Any, Any]:
-    """Items of `latest` that differ from those in `known`, which is updated."""
-    news = {key: value for key, value in latest.items() if known.get(key) is not value}
+def _news(latest: dict[Any, Any], known: dict[Any, Any], frame: Frame) -> dict[Any, Any]:
+    """Items of `latest` that differ from those in `known`, which is updated, and are not later than the Frame.
+
+    A scan or picture comes before its Frame, in which the vehicle has the pose of that time.
+    """
+    news = {key: value for key, value in latest.items() if known.get(key) is not value and value.time <= frame.time}
     known.update(news)
     return news

@@ -10,6 +10,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from autodrive.base.transforms import inverse, rotate
 from autodrive.connect.ros.message import Fields, Message, Time
 from autodrive.connect.ros.robot import Transform, xyz, xyzw
 from autodrive.protocol.messages import (
@@ -80,19 +81,32 @@ def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: di
     return Message("sensor_msgs/JointState", fields)
 
 
-def imu(reading: ImuReading, frame_id: str, noise: dict[str, float] | None, *, is_raw: bool = False) -> Message:
-    """A sensor_msgs/Imu; `is_raw`: without orientation (REP 145). `noise`: see `VehicleScene.sensor_noise`."""
+def imu(
+    reading: ImuReading,
+    frame_id: str,
+    noise: dict[str, float] | None,
+    *,
+    added_gravity: float = 0.0,
+    has_orientation: bool = True,
+) -> Message:
+    """A sensor_msgs/Imu. `noise`: see `VehicleScene.sensor_noise`.
+
+    `added_gravity` [m/s^2], along the upward direction of the measured orientation, whose noise it has then: an
+    acceleration without gravity becomes that of REP 145, which is +g at rest.
+    """
     fields: Fields = {"header": header(Time.of(reading.time), frame_id)}
-    for name, quantity in (
-        ("orientation", "imu_orientation"),
-        ("angular_velocity", "imu_angular_velocity"),
-        ("linear_acceleration", "imu_linear_acceleration"),
-    ):
-        variance = DEVKIT_VARIANCE if noise is None else max(noise[quantity] ** 2, LEAST_VARIANCE)
-        fields[f"{name}_covariance"] = np.diag([variance] * 3).ravel()
+    orientation, rate, acceleration = [DEVKIT_VARIANCE] * 3
+    if noise is not None:
+        names = ("imu_orientation", "imu_angular_velocity", "imu_linear_acceleration")
+        orientation, rate, acceleration = (noise[name] ** 2 for name in names)
+        acceleration += added_gravity**2 * orientation
+    variances = {"orientation": orientation, "angular_velocity": rate, "linear_acceleration": acceleration}
+    for name, variance in variances.items():
+        fields[f"{name}_covariance"] = np.diag([max(variance, LEAST_VARIANCE)] * 3).ravel()
+    upward = rotate(inverse(reading.orientation), (0.0, 0.0, added_gravity))
     fields["angular_velocity"] = xyz(reading.angular_velocity)
-    fields["linear_acceleration"] = xyz(reading.linear_acceleration)
-    if is_raw:
+    fields["linear_acceleration"] = xyz(np.add(reading.linear_acceleration, upward))
+    if not has_orientation:
         fields["orientation_covariance"] = np.array([-1.0] + [0.0] * 8)
     else:
         fields["orientation"] = xyzw(reading.orientation)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from autodrive.base.errors import AutodriveError
+from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.transforms import (
     Quaternion,
     Vector,
@@ -52,6 +52,22 @@ def xyzw(orientation: Iterable[float]) -> dict[str, float]:
     return {"x": x, "y": y, "z": z, "w": w}
 
 
+def quaternion(message: Any) -> Quaternion:
+    """A geometry_msgs/Quaternion as wxyz, with the length 1. Raises CommandError if it is no rotation."""
+    given = message.w, message.x, message.y, message.z
+    length = math.hypot(*given)
+    if not 1e-6 < length < math.inf:
+        w, x, y, z = given
+        raise CommandError(f"the orientation x {x:g}, y {y:g}, z {z:g}, w {w:g} is no rotation: set w to 1 for none")
+    return tuple(part / length for part in given)  # type: ignore[return-value]
+
+
+def in_parent(frame: Transform, position: Iterable[float], orientation: Quaternion) -> tuple[Vector, Quaternion]:
+    """A pose in the frame as a pose in its parent."""
+    x, y, z = (a + b for a, b in zip(frame.position, rotate(frame.orientation, position), strict=True))
+    return (x, y, z), compose(frame.orientation, orientation)
+
+
 def relative(of: Transform, to: Transform) -> tuple[Vector, Quaternion]:
     """Pose of the child of `of` in the child of `to`; both have the same parent."""
     back = inverse(to.orientation)
@@ -69,11 +85,11 @@ class UrdfJoint:
 
 
 class Robot:
-    """The joints of a URDF. Raises AutodriveError if the text is not a URDF."""
+    """The joints of a URDF; '' has none. Raises AutodriveError if the text is not a URDF."""
 
     def __init__(self, urdf: str) -> None:
         try:
-            joints = [_joint(element) for element in ElementTree.fromstring(urdf).iterfind("joint")]
+            joints = [_joint(element) for element in ElementTree.fromstring(urdf or "<robot/>").iterfind("joint")]
         except (ElementTree.ParseError, AttributeError, KeyError, ValueError) as error:
             raise AutodriveError(f"the robot_description is not a valid URDF: {error}") from None
         self.fixed = [joint.frame for joint in joints if joint.axis is None]

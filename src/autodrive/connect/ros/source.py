@@ -28,6 +28,10 @@ class VehicleInfo:
     """[rad]."""
     sensor_noise: dict[str, float] | None = None
     """See `VehicleScene.sensor_noise`; None if unknown."""
+    missing_gravity: float = 9.81
+    """See `VehicleScene.missing_gravity`; the devkit protocol has accelerations without gravity."""
+    urdf: str = ""
+    """Frames of its sensors and wheels; empty if unknown."""
 
     @staticmethod
     def of(car: Car, number: int = 1, type_: str = "") -> VehicleInfo:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -22,6 +23,9 @@ SIDES = ("left", "right")
 ODOMETRY_DRIFT = 0.02
 """Standard deviation of dead reckoning as a fraction of the distance; tyre slip is the largest part."""
 
+TOLERANCE = 1e-3
+"""Distance between a sensor in a given URDF and in the simulator above which the bridge warns [m]."""
+
 HALF_TURN = (0.0, 0.0, 0.0, 1.0)
 """About z, wxyz."""
 
@@ -29,32 +33,42 @@ HALF_TURN = (0.0, 0.0, 0.0, 1.0)
 class VehiclePublisher:
     """Publishes one vehicle through `node`."""
 
-    def __init__(
-        self, config: Config, info: VehicleInfo, robot: Robot, node: Node, own_topics: set[str] | None = None
-    ) -> None:
-        """`own_topics`: names of the topics of the user's sensors that `node` has."""
+    def __init__(self, config: Config, info: VehicleInfo, node: Node, own_topics: set[str] | None = None) -> None:
+        """`own_topics`: names of the topics of the user's sensors that `node` has.
+
+        A `robot_description` of the configuration is used instead of that of `info`. Raises AutodriveError for a bad
+        URDF.
+        """
         self._own_topics = set() if own_topics is None else own_topics
         self.topics = VehicleTopics(config, info.number, info.type, info.cameras, is_direct=config.mode == "direct")
         self.info = info
         self._config = config
-        self._robot = robot
+        self._urdf = config.robot_description or info.urdf
+        self._robot = Robot(self._urdf)
         self._node = node
         self._dead_reckoning = DeadReckoning(info.wheel_radius)
         self._times: dict[str, float] = {}
         """Of the latest reading published, by channel."""
         self._is_turned = config.profile in ("2020", "2022", "2023")
 
+    def advance(self, vehicle: VehicleFrame) -> None:
+        """Take note of a new state, before its transforms and readings are published."""
+        self._dead_reckoning.update(vehicle)
+
+    def forget(self) -> None:
+        """Publish the next readings even if they are those that were published last."""
+        self._times.clear()
+
     def restart(self) -> None:
         """Restart the odometry, after a reset."""
         self._dead_reckoning = DeadReckoning(self.info.wheel_radius)
-        self._times.clear()
+        self.forget()
 
     # -- readings -------------------------------------------------------------------------------------------------
 
     def publish(self, stamp: Time, vehicle: VehicleFrame) -> None:
         """Publish the state at that time."""
         topics, devkit, frame = self.topics, self._config.devkit_profile, self.topics.frame
-        self._dead_reckoning.update(vehicle)
         self._publish(topics.throttle, lambda: readings.number(vehicle.throttle))
         self._publish(topics.steering, lambda: readings.number(devkit.feedback_sign * vehicle.steering))
         self._publish(topics.speed, lambda: readings.number(abs(vehicle.speed)))
@@ -62,9 +76,10 @@ class VehiclePublisher:
         self._publish(topics.ips, lambda: Message("geometry_msgs/Point", xyz(self._reference_position(vehicle))))
         imu_frame = frame("imu")
         noise = None if self._config.is_league else self.info.sensor_noise  # the league has fixed variances
-        for topic in (topics.imu, topics.imu_data):
-            self._publish(topic, lambda: readings.imu(vehicle.imu, imu_frame, noise))
-        self._publish(topics.imu_raw, lambda: readings.imu(vehicle.imu, imu_frame, noise, is_raw=True))
+        self._publish(topics.imu, lambda: readings.imu(vehicle.imu, imu_frame, noise))
+        for topic, has_orientation in ((topics.imu_data, True), (topics.imu_raw, False)):
+            given = {"added_gravity": self.info.missing_gravity, "has_orientation": has_orientation}
+            self._publish(topic, lambda: readings.imu(vehicle.imu, imu_frame, noise, **given))  # noqa: B023 - called at once
         self._publish(topics.odom, lambda: self._odometry(stamp, vehicle))
         for signal, topic in topics.numbers:
             self._publish_number(topic, signal.read(vehicle), vehicle)
@@ -140,8 +155,8 @@ class VehiclePublisher:
 
     def publish_description(self) -> None:
         """Publish the URDF, if there is one."""
-        if (urdf := self._config.robot_description) and self.topics.description in self.topics.all:
-            self._node.publish(Message("std_msgs/String", {"data": urdf}), self.topics.description)
+        if self._urdf and self.topics.description in self.topics.all:
+            self._node.publish(Message("std_msgs/String", {"data": self._urdf}), self.topics.description)
 
     def publish_collision(self, stamp: Time, other: str, impulse: float, position: np.ndarray) -> None:
         """Publish the start of a contact."""
@@ -176,6 +191,27 @@ class VehiclePublisher:
         if self._config.publish_map_to_odom:
             moving.append(self._map_to_odom(vehicle, odom))
         return [odom, *moving]
+
+    def frames(self, vehicle: VehicleFrame) -> list[Transform]:
+        """All frames of the vehicle at that state, also the true place of odom if that is not published."""
+        odom = self._dead_reckoning.pose(self.topics.frame("odom"), self.topics.frame("base_link"))
+        return [*self.static_transforms(), *self.transforms(vehicle), self._map_to_odom(vehicle, odom)]
+
+    @property
+    def contradiction(self) -> str:
+        """Where the `robot_description` of the configuration differs from that of the simulator; '' if it does not."""
+        own = {frame.child: frame for frame in self._robot.fixed}
+        apart = [
+            f"{frame.child} by {distance:.3f} m"
+            for frame in Robot(self.info.urdf).fixed
+            if (given := own.get(frame.child)) and (distance := math.dist(given.position, frame.position)) > TOLERANCE
+        ]
+        if not apart:
+            return ""
+        return (
+            f"the given robot_description is not that of {self.topics.name} in the simulator: "
+            f"{', '.join(apart)}. Leave robot_description out, then the bridge uses that of the simulator"
+        )
 
     def _joints(self, vehicle: VehicleFrame) -> list[Transform]:
         frame = self.topics.frame
@@ -230,7 +266,7 @@ class VehiclePublisher:
         frame, reckoning = self.topics.frame, self._dead_reckoning
         pose = reckoning.pose(frame("odom"), frame("base_link"))
         noise = self.info.sensor_noise or {}
-        speed_variance = (self.info.wheel_radius * noise.get("encoder_angle", 0.0) * self._config.rate) ** 2
+        speed_variance = (self.info.wheel_radius * noise.get("encoder_angle", 0.0) / reckoning.interval) ** 2
         yaw_rate = float(vehicle.imu.angular_velocity[2])
         variances = (ODOMETRY_DRIFT * reckoning.distance) ** 2, speed_variance
         return readings.odometry(stamp, pose, (reckoning.speed, 0.0, 0.0), (0.0, 0.0, yaw_rate), variances)

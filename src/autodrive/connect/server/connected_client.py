@@ -127,6 +127,7 @@ class ConnectedClient:
             self._wake.set()
             return False
         if self._has_new_readings(frame, now):
+            self._is_frame_due = self._is_frame_due or self.subscription.frames_of_readings
             self._wake.set()
         return rate != 0 and frame is not self._sent_frame
 

@@ -29,6 +29,7 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import (
     ConnectBridge,
+    DescribeVehicle,
     DescribeWeather,
     DisconnectBridge,
     Error,
@@ -64,6 +65,7 @@ OF_SERVER = (
     StopRecording,
     SaveRecording,
     PlotRecording,
+    DescribeVehicle,
     ListFiles,
     SaveFile,
     ExportMap,
@@ -222,6 +224,8 @@ class Requests:
                     self._start(turn, lambda: self._record(operation))
                 case ListFiles() | SaveFile() | ExportMap() as operation:
                     self._start(turn, lambda: asyncio.to_thread(self._file_answer, operation))
+                case DescribeVehicle(vehicle=vehicle):
+                    self._start(turn, lambda: asyncio.to_thread(self._described_vehicle, vehicle))
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() | ViewSensor() as view:
@@ -440,6 +444,15 @@ class Requests:
             case ExportMap(name=name, resolution=resolution):
                 text, picture = exported_map(self._simulation.world.map, name, resolution)
                 return Answer(text, picture=picture)
+
+    def _described_vehicle(self, name: str) -> Answer:
+        """In another thread, as `_file_answer`."""
+        from autodrive.world.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
+
+        world = self._simulation.world
+        if name not in world.vehicle_specs:
+            raise AutodriveError(f"vehicle '{name}' is not known. {suggest(name, list(world.vehicle_specs))}")
+        return Answer(vehicle_urdf(world, name))
 
     async def _plot(self, request: PlotRecording) -> Answer:
         if self._replay is None:

@@ -12,7 +12,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-import msgspec
 import numpy as np
 from pydantic import BaseModel
 from shapely.geometry.base import BaseGeometry
@@ -125,19 +124,16 @@ def _named(kind: str, data: bytes) -> tuple[str, bytes]:
 
 
 def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:
-    """The URDF of a vehicle and its meshes (STL), by path in the package `autodrive_description`."""
-    digest = hashlib.sha256()
-    _add_to_digest(digest.update, [spec, name])
-    path = _descriptions() / f"{digest.hexdigest()[:24]}.msgpack"
-    with contextlib.suppress(OSError, ValueError):
-        return msgspec.msgpack.decode(read_cached(path), type=dict[str, bytes])
+    """The URDF of a vehicle and its meshes (STL), by path in the package `autodrive_description`; the URDF is first."""
     from autodrive.graphics.meshes.urdf import vehicle_urdf
 
-    text, meshes = vehicle_urdf(spec, name)
-    files = {f"urdf/{name}.urdf": text.encode(), **meshes}
-    with contextlib.suppress(OSError):
-        write_cached(path, msgspec.msgpack.encode(files))
-    return files
+    text, meshes = vehicle_urdf(spec, name, vehicle(spec))
+    return {f"urdf/{name}.urdf": text.encode(), **meshes}
+
+
+def urdf(spec: VehicleSpec, type_: str) -> str:
+    """The URDF of a vehicle. `type_`: name of a vehicle, or path of its file."""
+    return next(iter(description(spec, Path(type_).stem).values())).decode()
 
 
 def cached(name: str, build: Callable[[], Asset]) -> Asset:
@@ -170,12 +166,6 @@ def folder() -> Path:
     return cache_folder(
         "assets", "graphics/assets", "graphics/meshes", "scenario/vehicles", "scenario/maps", also=_libraries()
     )
-
-
-@cache
-def _descriptions() -> Path:
-    packages = ("physics", "graphics/assets", "graphics/meshes", "scenario/vehicles")
-    return cache_folder("descriptions", *packages, also=_libraries())
 
 
 def _libraries() -> str:

@@ -8,14 +8,13 @@ suspension and the steering linkage are fixed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion
-from autodrive.graphics.assets.asset import Material
+from autodrive.graphics.assets.asset import Asset, Material
 from autodrive.graphics.meshes.urdf_inertia import Inertia, chassis, knuckle, wheel
 from autodrive.graphics.meshes.urdf_mesh import Triangles, meshes_by_link, stl
-from autodrive.graphics.meshes.vehicle import vehicle_asset
 from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.physics.sensors.camera import OPTICAL
 from autodrive.physics.sensors.sensor import Mount
@@ -33,16 +32,11 @@ SIDEWAYS: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """Turns a cylinder of URDF from z to y."""
 
 
-def vehicle_urdf(
-    spec: VehicleSpec, name: str, known: Mapping[str, bytes] | None = None
-) -> tuple[str, dict[str, bytes]]:
-    """The URDF of a vehicle with that name, and its meshes: path in the package -> binary STL.
-
-    `known`: meshes of other vehicles. Equal meshes are reused; the returned meshes include all of them.
-    """
-    meshes = meshes_by_link(vehicle_asset(spec))
+def vehicle_urdf(spec: VehicleSpec, name: str, asset: Asset) -> tuple[str, dict[str, bytes]]:
+    """The URDF of a vehicle with that name and asset, and its meshes: path in the package -> binary STL."""
+    meshes = meshes_by_link(asset)
     robot = Element("robot", name=name)
-    files = dict(known or {})
+    files: dict[str, bytes] = {}
     for material in sorted({one for parts in meshes.values() for one in parts}, key=lambda one: one.name):
         _add_material(robot, material)
     for element in (*_body(spec), *_wheels(spec), *_sensors(spec)):
@@ -51,16 +45,6 @@ def vehicle_urdf(
             _add_visual(element, material, triangles, f"meshes/{name}", files)
     indent(robot, "  ")
     return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n', files
-
-
-def package_files(vehicles: Mapping[str, VehicleSpec]) -> dict[str, bytes]:
-    """URDF and meshes of several vehicles: path in the package -> content."""
-    urdfs: dict[str, bytes] = {}
-    meshes: dict[str, bytes] = {}
-    for name, spec in vehicles.items():
-        text, meshes = vehicle_urdf(spec, name, meshes)
-        urdfs[f"urdf/{name}.urdf"] = text.encode()
-    return urdfs | meshes
 
 
 def srgb(linear: float) -> float:

@@ -18,7 +18,7 @@ from autodrive.connect.ros.bridge import Bridge
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.message import Message, Time, Topic
 from autodrive.connect.ros.source import Update, VehicleInfo
-from autodrive.graphics.meshes.urdf import vehicle_urdf
+from autodrive.graphics.meshes import store
 from autodrive.protocol.messages import LidarScan
 from autodrive.protocol.native import Picture
 from autodrive.recording import Recording
@@ -54,13 +54,11 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
     """Write a bag; raw images are left out, because compressed ones take a tenth of the space."""
     with recording.scenario_spec() as spec:
         names = options.vehicles(recording)
+        gravity = spec.gravity
         vehicles = {name: load_vehicle(spec.vehicles[name].type) for name in names}
     types = {name: Path(one["type"]).stem for name, one in recording.scenario.spec["vehicles"].items()}
     rate = options.rate or RATE
-    first = names[0]
-    config = Config(
-        rate=rate, vehicle_type=types[first].split("_")[0], robot_description=vehicle_urdf(vehicles[first], first)[0]
-    )
+    config = Config(rate=rate, vehicle_type=types[names[0]].split("_")[0])
     with _BagNode(path, is_ros2=form == "rosbag2") as node:
         bridge = Bridge(config, node, clock=lambda: node.time)
         node.is_ready = True
@@ -73,7 +71,8 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
                 spec.wheels.radius,
                 spec.drivetrain.speed_limit * spec.wheels.radius,
                 spec.steering.limit,
-                None,
+                missing_gravity=0.0 if spec.sensors.imu.measures_specific_force else gravity,
+                urdf=store.urdf(spec, types[name]),
             )
             for number, (name, spec) in enumerate(vehicles.items(), 1)
         }
