@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import re
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -199,12 +200,13 @@ class Recording:
 
     @property
     def vehicles(self) -> tuple[str, ...]:
-        """Names of the vehicles of the first Frame."""
+        """Names of the vehicles of the first Frame, then of those that came later, by another scenario or an edit."""
         return self._vehicles
 
     @cached_property
     def _vehicles(self) -> tuple[str, ...]:
-        return tuple(self.frame_at(self.start).vehicles)
+        recorded = [topic.split("/")[1] for topic in self._ids if re.fullmatch(r"/\w+/state", topic)]
+        return tuple(dict.fromkeys([*self.frame_at(self.start).vehicles, *recorded]))
 
     def cameras(self, vehicle: str) -> tuple[str, ...]:
         """Names of the cameras of a vehicle that have pictures."""
