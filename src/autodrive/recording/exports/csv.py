@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from autodrive.base.cache import make_folder
-from autodrive.recording import Recording
+from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.records import encode_json
 
@@ -19,10 +19,13 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     """Write `V1.csv`, `V1_lidar.csv`, `commands.csv` and `events.csv` into a folder.
 
     The columns have the names of the signals and their elements; times are in seconds since the start of the
-    recording.
+    recording. A table has all Frames, scans, commands or events from `start` to `end`.
     """
+    if options.rate is not None:
+        raise RecordingError("the tables have a row for each Frame and each scan: leave out the rate")
     make_folder(path)
-    for vehicle in options.vehicles(recording):
+    vehicles = options.vehicles(recording)
+    for vehicle in vehicles:
         table = recording.columns(vehicle)
         chosen = _range(table["time"], options)
         _table(path / f"{vehicle}.csv", [*table], zip(*(table[name][chosen].tolist() for name in table), strict=True))
@@ -33,20 +36,22 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
             of = _range(times, options)
             rows = ([time, *scan] for time, scan in zip(times[of].tolist(), ranges[of].tolist(), strict=True))
             _table(path / f"{vehicle}_lidar.csv", ["time", *rays], rows)
-    _table(path / "commands.csv", ["time", "tick", "vehicle", *_COMMAND], _commands(recording))
+    commands = (
+        [time, record.tick, vehicle, *(getattr(command, name) for name in _COMMAND)]
+        for time, record in recording.commands
+        for vehicle, command in record.commands.items()
+        if vehicle in vehicles and _range(time, options)
+    )
+    _table(path / "commands.csv", ["time", "tick", "vehicle", *_COMMAND], commands)
     events = (
-        [one.time, one.tick, type(one.event).__name__, encode_json(one.event).decode()] for one in recording.events
+        [time, tick, type(event).__name__, encode_json(event).decode()]
+        for time, tick, event in recording.events
+        if getattr(event, "vehicle", vehicles[0]) in vehicles and _range(time, options)
     )
     _table(path / "events.csv", ["time", "tick", "event", "values"], events)
 
 
 _COMMAND = ("throttle", "steering", "headlights", "indicators")
-
-
-def _commands(recording: Recording) -> Iterator[list[Any]]:
-    for time, record in recording.commands:
-        for vehicle, command in record.commands.items():
-            yield [time, record.tick, vehicle, *(getattr(command, name) for name in _COMMAND)]
 
 
 def _range(times: Any, options: ExportOptions) -> Any:
