@@ -192,6 +192,10 @@ class Recording:
         """The first scenario."""
         return self.scenario_at(-1.0)
 
+    def scenario_of(self, vehicle: str) -> ScenarioRecord:
+        """The first scenario that has that vehicle."""
+        return next((record for _, record in self.scenarios if vehicle in record.spec["vehicles"]), self.scenario)
+
     @contextmanager
     def scenario_spec(self, record: ScenarioRecord | None = None) -> Iterator[ScenarioSpec]:
         """A scenario that can be run: its files are those of the recording, in a folder that exists in the block."""

@@ -35,10 +35,16 @@ def test_csv_has_every_signal(lap: Recording, tmp_path: Path) -> None:
     assert float(rows[-1]["time"]) == 1.0
     with (folder / "V1_lidar.csv").open() as file:
         header, *scans = csv.reader(file)
-    assert (len(header), len(scans)) == (361, int(np.sum(lap.signals.times("V1/lidar/ranges") >= 0.2)))
+    assert header[:4] == ["time", "angle_min", "angle_increment", "range_0"]
+    assert (len(header), len(scans)) == (363, int(np.sum(lap.signals.times("V1/lidar/ranges") >= 0.2)))
+    scan = lap.frame_at(1.0).vehicles["V1"].lidar
+    assert scan is not None
+    assert [float(value) for value in scans[-1][1:]] == [scan.angle_min, scan.angle_increment, *scan.ranges]
     with (folder / "commands.csv").open() as file:
         commands = list(csv.DictReader(file))
-    assert (len(commands), commands[-1]["throttle"], commands[-1]["tick"]) == (100, "0.8", "99")
+    assert (commands[0]["time"], commands[-1]["throttle"], commands[-1]["tick"]) == ("0.2", "0.8", "99")
+    with pytest.raises(RecordingError, match="a row for each Frame and each scan"):
+        export(lap, "csv", tmp_path / "slow", ExportOptions(rate=10.0))
 
 
 def test_a_table_is_a_data_frame(lap: Recording) -> None:
@@ -207,6 +213,8 @@ def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: P
         assert recording.vehicles == ("V1", "V2", "traffic_1")
         whole = messages_of(export(recording, "rosbag2", tmp_path / "whole"), "rosbag2")
         part = export(recording, "rosbag1", tmp_path / "part.bag", ExportOptions("V2", start=0.6))
+        tables = export(recording, "csv", tmp_path / "tables")
+        log = read(export(recording, "autodrive", tmp_path / "log") / "V2 Log.csv")
         with pytest.raises(RecordingError, match="vehicle 'traffic_1' is traffic"):
             export(recording, "rosbag2", tmp_path / "third", ExportOptions("traffic_1"))
     second = messages_of(part, "rosbag1")
@@ -221,6 +229,9 @@ def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: P
         lidar, at = load_vehicle(kind).sensors.lidar, frame.transform.translation
         assert lidar is not None
         assert (at.x, at.y, at.z) == pytest.approx(lidar.mount.position)
+    with (tables / "V1_lidar.csv").open() as scans:
+        assert {len(row) - row.count("") for row in csv.reader(scans)} == {3 + 360, 3 + 1080}
+    assert (log.vehicle_type, log.time[-1]) == ("nigel", pytest.approx(0.2))
     # a bag of one vehicle and of a part of the time: names as in the whole bag, and nothing before its start
     assert {topic.split("/")[2] for topic in second if re.match("/autodrive/(?!tl_)", topic)} == {"nigel_2"}
     assert min(time for messages in second.values() for time, _ in messages) == 600_000_000

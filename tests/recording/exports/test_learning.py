@@ -122,11 +122,12 @@ def test_a_failed_export_names_the_file(lap: Recording, tmp_path: Path) -> None:
 
 @pytest.mark.process
 def test_rerun_reads_its_file(lap: Recording, tmp_path: Path) -> None:
-    path = export(lap, "rerun", tmp_path / "lap.rrd")
+    path = export(lap, "rerun", tmp_path / "lap.rrd", ExportOptions(start=0.5, end=0.7))
     command = [sys.executable, "-m", "rerun_cli"]
     subprocess.run([*command, "rrd", "verify", str(path)], timeout=120, check=True)
     shown = subprocess.run(
-        [*command, "rrd", "print", str(path)], capture_output=True, text=True, timeout=120, check=True
+        [*command, "rrd", "stats", str(path)], capture_output=True, text=True, timeout=120, check=True
     )
+    assert "num_rows_max = 21\n" in shown.stdout  # the curves have the Frames from 0.5 s to 0.7 s
     for entity in ("/world/V1/lidar", "/images/V1/front", "/signals/V1/velocity", "/world/map"):
         assert entity in shown.stdout

@@ -206,7 +206,7 @@ def _info(
     episodes = len({one.episode for one in found})
     return {
         "codebase_version": "v3.0",
-        "robot_type": recording.scenario.spec["vehicles"][vehicle]["type"],
+        "robot_type": recording.scenario_of(vehicle).spec["vehicles"][vehicle]["type"],
         "total_episodes": episodes,
         "total_frames": len(found),
         "total_tasks": 1,
