@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import re
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -191,6 +192,10 @@ class Recording:
         """The first scenario."""
         return self.scenario_at(-1.0)
 
+    def scenario_of(self, vehicle: str) -> ScenarioRecord:
+        """The first scenario that has that vehicle."""
+        return next((record for _, record in self.scenarios if vehicle in record.spec["vehicles"]), self.scenario)
+
     @contextmanager
     def scenario_spec(self, record: ScenarioRecord | None = None) -> Iterator[ScenarioSpec]:
         """A scenario that can be run: its files are those of the recording, in a folder that exists in the block."""
@@ -199,12 +204,13 @@ class Recording:
 
     @property
     def vehicles(self) -> tuple[str, ...]:
-        """Names of the vehicles of the first Frame."""
+        """Names of the vehicles of the first Frame, then of those that came later, by another scenario or an edit."""
         return self._vehicles
 
     @cached_property
     def _vehicles(self) -> tuple[str, ...]:
-        return tuple(self.frame_at(self.start).vehicles)
+        recorded = [topic.split("/")[1] for topic in self._ids if re.fullmatch(r"/\w+/state", topic)]
+        return tuple(dict.fromkeys([*self.frame_at(self.start).vehicles, *recorded]))
 
     def cameras(self, vehicle: str) -> tuple[str, ...]:
         """Names of the cameras of a vehicle that have pictures."""

@@ -399,6 +399,17 @@ def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) 
     ]
 
 
+def sensors_of(vehicle: VehicleSpec, placement: VehiclePlacement) -> dict[str, ConfiguredSensor]:
+    """The sensors and cameras of a vehicle in a scenario, by name. Raises `SpecError`."""
+    return configured_sensors(
+        vehicle.sensors,
+        vehicle.cameras,
+        placement.sensors,
+        is_realistic=placement.has_realistic_sensors,
+        noise_factor=placement.noise_factor,
+    )
+
+
 def _configured(
     spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]
 ) -> tuple[dict[str, dict[str, ConfiguredSensor]], list[Problem]]:
@@ -406,15 +417,8 @@ def _configured(
     problems: list[Problem] = []
     configured: dict[str, dict[str, ConfiguredSensor]] = {}
     for name, vehicle in vehicles.items():
-        own = spec.vehicles[name]
         try:
-            configured[name] = configured_sensors(
-                vehicle.sensors,
-                vehicle.cameras,
-                own.sensors,
-                is_realistic=own.has_realistic_sensors,
-                noise_factor=own.noise_factor,
-            )
+            configured[name] = sensors_of(vehicle, spec.vehicles[name])
         except SpecError as error:
             problems += [(f"vehicles.{name}.sensors.{one}",) for one in error.errors]
     return configured, problems

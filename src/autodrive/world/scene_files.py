@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import hypot
@@ -125,7 +126,7 @@ def _vehicle(name: str, spec: VehicleSpec, world: World, files: _Files) -> Vehic
         wheelbase=spec.wheelbase,
         wheel_radius=spec.wheels.radius,
         speed_limit=spec.drivetrain.speed_limit * spec.wheels.radius,
-        sensor_noise=_noise({name: sensor.spec for name, sensor in sensors.items()}),
+        sensor_noise=sensor_noise(sensors),
         size=spec.size,
         sensors={name: _sensor(sensor) for name, sensor in sensors.items()},
         is_traffic=name in world.spec.traffic.names,
@@ -143,14 +144,14 @@ def _sensor(sensor: ConfiguredSensor) -> SensorScene:
     )
 
 
-def _noise(specs: dict[str, Any]) -> dict[str, float]:
-    """Standard deviation by quantity; rounding to a step d adds the variance d^2 / 12."""
+def sensor_noise(sensors: Mapping[str, ConfiguredSensor]) -> dict[str, float]:
+    """See `VehicleScene.sensor_noise`; rounding to a step d adds the variance d^2 / 12."""
     noises: dict[str, NoiseSpec] = {
-        "encoder_angle": specs["encoders"].noise,
-        "ips": specs["ips"].noise,
-        "imu_orientation": specs["imu"].noise.orientation,
-        "imu_angular_velocity": specs["imu"].noise.angular_velocity,
-        "imu_linear_acceleration": specs["imu"].noise.linear_acceleration,
+        "encoder_angle": sensors["encoders"].spec.noise,
+        "ips": sensors["ips"].spec.noise,
+        "imu_orientation": sensors["imu"].spec.noise.orientation,
+        "imu_angular_velocity": sensors["imu"].spec.noise.angular_velocity,
+        "imu_linear_acceleration": sensors["imu"].spec.noise.linear_acceleration,
     }
     return {name: hypot(noise.sigma, noise.offset, noise.step / 12**0.5) for name, noise in noises.items()}
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+import autodrive
+from autodrive import Command
+from autodrive.recording import Recorder
 from tests.support.builds import LIMIT
 from tests.support.ros import ros1, ros2
 from tests.support.ros.processes import ROOT
@@ -32,3 +36,15 @@ def ros2_environment() -> dict[str, str]:
         pytest.skip("ROS 2 is not installed: run scripts/ros2")
     subprocess.run([ROOT / "scripts" / "ros2"], check=True, timeout=LIMIT)
     return ros2.sourced()
+
+
+@pytest.fixture(scope="package")
+def two_cars(gl: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of 0.3 s with images: V1 is a Nigel, V2 a RoboRacer car."""
+    path = tmp_path_factory.mktemp("drive") / "two_cars.mcap"
+    placed = {"V1": {"type": "nigel"}, "V2": {"type": "roboracer", "y": 1.5}}
+    world = autodrive.make(autodrive.Scenario(vehicles=placed), cameras="small")  # type: ignore[arg-type]  # pyright: ignore
+    with Recorder(path, world, has_meshes=False):
+        for _ in range(30):
+            world.step(dict.fromkeys(placed, Command(0.5, 0.5)))
+    return path

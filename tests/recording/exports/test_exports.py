@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,15 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import autodrive
-from autodrive import Command
+from autodrive import Command, Simulation
+from autodrive.protocol.messages import LoadScenario
 from autodrive.recording import Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording
 from autodrive.recording.exports import FORMATS, export
 from autodrive.recording.exports.bag import DEFINITIONS
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.exports.recorder_layout import read
+from autodrive.scenario.vehicles.spec import load_vehicle
 
 ROOT = Path(__file__).parents[3]
 
@@ -32,10 +35,16 @@ def test_csv_has_every_signal(lap: Recording, tmp_path: Path) -> None:
     assert float(rows[-1]["time"]) == 1.0
     with (folder / "V1_lidar.csv").open() as file:
         header, *scans = csv.reader(file)
-    assert (len(header), len(scans)) == (361, int(np.sum(lap.signals.times("V1/lidar/ranges") >= 0.2)))
+    assert header[:4] == ["time", "angle_min", "angle_increment", "range_0"]
+    assert (len(header), len(scans)) == (363, int(np.sum(lap.signals.times("V1/lidar/ranges") >= 0.2)))
+    scan = lap.frame_at(1.0).vehicles["V1"].lidar
+    assert scan is not None
+    assert [float(value) for value in scans[-1][1:]] == [scan.angle_min, scan.angle_increment, *scan.ranges]
     with (folder / "commands.csv").open() as file:
         commands = list(csv.DictReader(file))
-    assert (len(commands), commands[-1]["throttle"], commands[-1]["tick"]) == (100, "0.8", "99")
+    assert (commands[0]["time"], commands[-1]["throttle"], commands[-1]["tick"]) == ("0.2", "0.8", "99")
+    with pytest.raises(RecordingError, match="a row for each Frame and each scan"):
+        export(lap, "csv", tmp_path / "slow", ExportOptions(rate=10.0))
 
 
 def test_a_table_is_a_data_frame(lap: Recording) -> None:
@@ -140,13 +149,9 @@ def test_a_log_that_is_wrong_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", ["rosbag2", "rosbag1"])
 def test_a_bag_is_read_by_rosbags(lap: Recording, tmp_path: Path, form: str) -> None:
     path = export(lap, form, tmp_path / f"lap{FORMATS[form].suffix}")
-    store = get_typestore(Stores.ROS2_JAZZY if form == "rosbag2" else Stores.ROS1_NOETIC)
-    with AnyReader([path], default_typestore=store) as reader:
-        counts: dict[str, int] = {}
-        last = {}
-        for connection, time, data in reader.messages():
-            counts[connection.topic] = counts.get(connection.topic, 0) + 1
-            last[connection.topic] = time, reader.deserialize(data, connection.msgtype)
+    messages = messages_of(path, form)
+    counts = {topic: len(of) for topic, of in messages.items()}
+    last = {topic: of[-1] for topic, of in messages.items()}
     root = "/autodrive/nigel_1"
     assert counts[f"{root}/scan"] == len(lap["V1/lidar/ranges"])
     assert counts[f"{root}/imu/data"] in range(29, 34)
@@ -177,3 +182,59 @@ def test_an_export_replaces_nothing_and_says_what_is_wrong(lap: Recording, tmp_p
     with pytest.raises(RecordingError, match="vehicle 'V9' is not in the recording"):
         export(lap, "csv", tmp_path / "a", ExportOptions(vehicle="V9"))
     assert not (tmp_path / "a").exists()
+
+
+def messages_of(path: Path, form: str) -> dict[str, list[tuple[int, Any]]]:
+    """Time [ns] and content of the messages of each topic in a bag."""
+    found: dict[str, list[tuple[int, Any]]] = {}
+    store = get_typestore(Stores.ROS2_JAZZY if form == "rosbag2" else Stores.ROS1_NOETIC)
+    with AnyReader([path], default_typestore=store) as reader:
+        for connection, time, data in reader.messages():
+            content = reader.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time, content))
+    return found
+
+
+def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: Path) -> None:
+    """At 0.5 s, another scenario is loaded: V1 becomes a RoboRacer car, V2 comes, and so does a car of the traffic."""
+    mixed = autodrive.Scenario(
+        map="tiny_town",
+        vehicles={"V1": {"type": "roboracer"}, "V2": {"type": "nigel", "x": 1.0}},  # type: ignore[dict-item]  # pyright: ignore
+        traffic={"cars": 1},  # type: ignore[arg-type]  # pyright: ignore
+    )
+    file = tmp_path / "run.mcap"
+    simulation = Simulation(autodrive.make("plane"), speed=None, load=lambda _: autodrive.make(mixed))
+    with Recorder(file, simulation, has_meshes=False):
+        simulation.run(0.5)
+        loaded = simulation.request(LoadScenario("mixed"))
+        simulation.run(0.2)
+        loaded.result()
+    with open_recording(file) as recording:
+        assert recording.vehicles == ("V1", "V2", "traffic_1")
+        whole = messages_of(export(recording, "rosbag2", tmp_path / "whole"), "rosbag2")
+        part = export(recording, "rosbag1", tmp_path / "part.bag", ExportOptions("V2", start=0.6))
+        tables = export(recording, "csv", tmp_path / "tables")
+        log = read(export(recording, "autodrive", tmp_path / "log") / "V2 Log.csv")
+        with pytest.raises(RecordingError, match="vehicle 'traffic_1' is traffic"):
+            export(recording, "rosbag2", tmp_path / "third", ExportOptions("traffic_1"))
+    second = messages_of(part, "rosbag1")
+    described = {topic: messages for topic, messages in whole.items() if topic.endswith("/robot_description")}
+    kinds = {"nigel_1": "nigel", "roboracer_1": "roboracer", "nigel_2": "nigel"}
+    assert {*described} == {f"/autodrive/{name}/robot_description" for name in kinds}
+    for name, kind in kinds.items():
+        ((_, message),) = described[f"/autodrive/{name}/robot_description"]
+        assert f'<robot name="{kind}">' in message.data
+    before, after = ({one.child_frame_id: one for one in of.transforms} for _, of in whole["/tf_static"])
+    for frame, kind in ((before["lidar"], "nigel"), (after["lidar"], "roboracer"), (after["nigel_2/lidar"], "nigel")):
+        lidar, at = load_vehicle(kind).sensors.lidar, frame.transform.translation
+        assert lidar is not None
+        assert (at.x, at.y, at.z) == pytest.approx(lidar.mount.position)
+    with (tables / "V1_lidar.csv").open() as scans:
+        assert {len(row) - row.count("") for row in csv.reader(scans)} == {3 + 360, 3 + 1080}
+    assert (log.vehicle_type, log.time[-1]) == ("nigel", pytest.approx(0.2))
+    # a bag of one vehicle and of a part of the time: names as in the whole bag, and nothing before its start
+    assert {topic.split("/")[2] for topic in second if re.match("/autodrive/(?!tl_)", topic)} == {"nigel_2"}
+    assert min(time for messages in second.values() for time, _ in messages) == 600_000_000
+    (_, imu), *_ = second["/autodrive/nigel_2/imu"]
+    noise = load_vehicle("nigel").sensors.imu.noise.angular_velocity
+    assert imu.angular_velocity_covariance[0] == pytest.approx(max(noise.sigma**2 + noise.step**2 / 12.0, 1e-9))

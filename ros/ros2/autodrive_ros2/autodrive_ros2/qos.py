@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-RELIABLE = ReliabilityPolicy.RELIABLE
+from autodrive.ros import QOS as CLASSES
 
 QOS = {
-    "sensor": QoSProfile(depth=5, reliability=RELIABLE),
-    "state": QoSProfile(depth=10, reliability=RELIABLE),
-    "latched": QoSProfile(depth=1, reliability=RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL),
-    "clock": QoSProfile(depth=1, reliability=RELIABLE),
-    "tf": QoSProfile(depth=100, reliability=RELIABLE),
-    "command": QoSProfile(depth=10, reliability=RELIABLE),
-    "league": QoSProfile(depth=1, reliability=RELIABLE),
+    name: QoSProfile(
+        depth=of.depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if of.is_latched else DurabilityPolicy.VOLATILE,
+    )
+    for name, of in CLASSES.items()
 }
-"""`qos` of a topic or subscription -> profile. All are reliable: default subscribers, which are, get no message of a
-best-effort publisher, and best-effort subscribers get those of a reliable one. History and durability are the defaults:
-keep last, volatile."""
+"""`qos` of a topic or subscription -> profile."""

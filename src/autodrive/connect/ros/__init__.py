@@ -9,3 +9,4 @@ from autodrive.connect.ros.message import Node as Node
 from autodrive.connect.ros.message import Subscription as Subscription
 from autodrive.connect.ros.message import Time as Time
 from autodrive.connect.ros.message import Topic as Topic
+from autodrive.connect.ros.qos import QOS as QOS

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
-from rosbags.interfaces import Nodetype
+from rosbags.interfaces import (
+    Nodetype,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -17,14 +25,19 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from autodrive.connect.ros.bridge import Bridge
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.message import Message, Time, Topic
+from autodrive.connect.ros.qos import QOS
 from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.graphics.meshes import store
 from autodrive.protocol.messages import LidarScan
 from autodrive.protocol.native import Picture
-from autodrive.recording import Recording
+from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.recording import LazyImages
+from autodrive.recording.records import ScenarioRecord
+from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import load_vehicle
+from autodrive.world.compile import sensors_of
+from autodrive.world.scene_files import sensor_noise
 
 RATE = 30.0
 """Default rate of the states [Hz], as that of the bridge."""
@@ -47,41 +60,39 @@ DEFINITIONS = {
     ),
 }
 """Our own messages, without the comments of their files in the folder `ros`."""
+CALLER = "/autodrive_bridge"
+"""Node of all connections in a bag of ROS 1."""
+FIRST = 1
+"""Least time of a message [ns]: ROS 1 does not read messages at time 0."""
+INFINITE = QosTime(9223372036, 854775807)
+"""The duration that ROS 2 takes as infinite."""
 TRANSFORMS = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
 
 
 def write(recording: Recording, path: Path, options: ExportOptions, form: str) -> None:
     """Write a bag; raw images are left out, because compressed ones take a tenth of the space."""
-    with recording.scenario_spec() as spec:
-        names = options.vehicles(recording)
-        gravity = spec.gravity
-        vehicles = {name: load_vehicle(spec.vehicles[name].type) for name in names}
-    types = {name: Path(one["type"]).stem for name, one in recording.scenario.spec["vehicles"].items()}
-    rate = options.rate or RATE
-    config = Config(rate=rate, vehicle_type=types[names[0]].split("_")[0])
+    names = options.vehicles(recording)
+    scans: dict[str, LidarScan] = {}
+    images: dict[tuple[str, str], float] = {}
+    scenario: ScenarioRecord | None = None
+    infos: dict[str, VehicleInfo] = {}
+    seen: set[str] = set()
+    tick = 0
     with _BagNode(path, is_ros2=form == "rosbag2") as node:
-        bridge = Bridge(config, node, clock=lambda: node.time)
+        bridge = Bridge(Config(rate=options.rate or RATE), node, clock=lambda: node.time)
         node.is_ready = True
-        infos = {
-            name: VehicleInfo(
-                number,
-                types[name],
-                recording.cameras(name),
-                spec.wheelbase,
-                spec.wheels.radius,
-                spec.drivetrain.speed_limit * spec.wheels.radius,
-                spec.steering.limit,
-                missing_gravity=0.0 if spec.sensors.imu.measures_specific_force else gravity,
-                urdf=store.urdf(spec, types[name]),
-            )
-            for number, (name, spec) in enumerate(vehicles.items(), 1)
-        }
-        bridge.on_vehicles(infos)
-        scans: dict[str, LidarScan] = {}
-        images: dict[tuple[str, str], float] = {}
         for time, whole in options.moments(recording, None):
             node.time = time
-            frame = replace(whole, vehicles={name: one for name, one in whole.vehicles.items() if name in names})
+            before, scenario = scenario, recording.scenario_at(time)
+            if scenario is not before and (found := _infos(recording, scenario, names)) != infos:
+                infos = found
+                seen |= {*infos}
+                bridge.on_vehicles(infos)
+            frame = replace(whole, vehicles={name: one for name, one in whole.vehicles.items() if name in infos})
+            if frame.tick < tick:  # after a reset, readings can have the times of earlier ones
+                scans.clear()
+                images.clear()
+            tick = frame.tick
             new = {
                 name: one.lidar
                 for name, one in frame.vehicles.items()
@@ -96,6 +107,36 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
                         images[name, camera] = taken
                         pictures[name, camera] = picture
             bridge.on_update(Update(frame, new, pictures))
+    if options.vehicle and not seen:
+        raise RecordingError(f"vehicle '{options.vehicle}' is traffic, which has no topics in ROS")
+
+
+def _infos(recording: Recording, scenario: ScenarioRecord, names: Collection[str]) -> dict[str, VehicleInfo]:
+    """The vehicles with these names in a scenario, numbered as the bridge numbers all of them, without the traffic."""
+    with recording.scenario_spec(scenario) as spec:
+        driven = [name for name in spec.vehicles if name not in spec.traffic.names]
+        return {
+            name: _info(spec, name, number, recording.cameras(name))
+            for number, name in enumerate(driven, 1)
+            if name in names
+        }
+
+
+def _info(spec: ScenarioSpec, name: str, number: int, cameras: tuple[str, ...]) -> VehicleInfo:
+    placement = spec.vehicles[name]
+    vehicle = load_vehicle(placement.type)
+    return VehicleInfo(
+        number,
+        Path(placement.type).stem,
+        cameras,
+        vehicle.wheelbase,
+        vehicle.wheels.radius,
+        vehicle.drivetrain.speed_limit * vehicle.wheels.radius,
+        vehicle.steering.limit,
+        sensor_noise(sensors_of(vehicle, placement)),
+        missing_gravity=0.0 if vehicle.sensors.imu.measures_specific_force else spec.gravity,
+        urdf=store.urdf(vehicle, placement.type),
+    )
 
 
 class _BagNode:
@@ -109,7 +150,9 @@ class _BagNode:
         for name, text in {**DEFINITIONS, **TRANSFORMS}.items():
             if name not in self._store.types:
                 self._store.register(get_types_from_msg(text, name))
-        self._writer: Any = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) if is_ros2 else Writer1(path)
+        self._is_ros2 = is_ros2
+        # version 8 of the metadata: ROS 2 Humble does not read version 9, Jazzy and later read both
+        self._writer: Any = Writer2(path, version=8, storage_plugin=StoragePlugin.MCAP) if is_ros2 else Writer1(path)
         self._serialize: Callable[[Any, str], Any] = (
             self._store.serialize_cdr if is_ros2 else self._store.serialize_ros1
         )
@@ -140,14 +183,37 @@ class _BagNode:
         type_ = message.type.replace("/", "/msg/")
         if topic.name not in self._connections:
             name = topic.name if topic.name.startswith("/") else f"/{topic.name}"
-            self._connections[topic.name] = self._writer.add_connection(name, type_, typestore=self._store)
+            self._connections[topic.name] = self._writer.add_connection(
+                name, type_, typestore=self._store, **self._offer(topic)
+            )
         data = self._serialize(self._made(type_, message.fields), type_)
-        self._writer.write(self._connections[topic.name], round(self.time * 1e9), data)
+        self._writer.write(self._connections[topic.name], max(round(self.time * 1e9), FIRST), data)
+
+    def _offer(self, topic: Topic) -> dict[str, Any]:
+        """What a player has to offer to subscribers, as the bridge did."""
+        offered = QOS[topic.qos]
+        if not self._is_ros2:
+            return {"callerid": CALLER, "latching": int(offered.is_latched)}
+        qos = Qos(
+            QosHistory.KEEP_LAST,
+            offered.depth,
+            QosReliability.RELIABLE,
+            QosDurability.TRANSIENT_LOCAL if offered.is_latched else QosDurability.VOLATILE,
+            INFINITE,
+            INFINITE,
+            QosLiveliness.AUTOMATIC,
+            INFINITE,
+            avoid_ros_namespace_conventions=False,
+        )
+        return {"offered_qos_profiles": [qos]}
 
     def _made(self, type_: str, fields: dict[str, Any]) -> Any:
         """The message of rosbags; fields that are not given are zero or empty."""
         _, definition = self._store.fielddefs[type_]
-        values = {name: self._value(kind, of, fields.get(name)) for name, (kind, of) in definition}
+        given = {"d": "D", "k": "K", "r": "R", "p": "P"} if type_.endswith("CameraInfo") and not self._is_ros2 else {}
+        fields = {given.get(name, name): value for name, value in fields.items()}
+        values = {name: self._value(kind, of, fields.pop(name, None)) for name, (kind, of) in definition}
+        assert not fields, f"{type_} has no {', '.join(fields)}"
         return self._store.types[type_](**values)
 
     def _value(self, kind: Any, of: Any, value: Any) -> Any:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.protocol.messages import Command, Frame
+from autodrive.protocol.messages import Command, Frame, LoadScenario, Reset
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.recording import LazyImages
+from autodrive.recording.records import COMMANDS, REQUESTS, CommandsRecord, RequestRecord
+from autodrive.world.observer import ResetTo
 
 STATE = (
     *("position.x", "position.y", "yaw", "speed", "yaw_rate"),
@@ -19,7 +22,7 @@ STATE = (
 )
 """Elements of the observation: what IPS, IMU, encoders and actuators give. [m], [rad], [m/s], [rad/s], [m/s^2]."""
 ACTION = ("throttle", "steering")
-"""Elements of the action: the latest command of the vehicle."""
+"""Elements of the action: the command that the vehicle obeys from this step on; 0 after its time-out."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Step:
     time: float
     """In the recording [s]."""
     episode: int
-    """Resets before it."""
+    """Number of the episode."""
     state: NDArray[np.float32]
     """See `STATE`."""
     action: NDArray[np.float32]
@@ -38,18 +41,36 @@ class Step:
 
 
 def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[Step]:
-    """The steps of one vehicle. Raises `RecordingError` if there are none."""
+    """The steps of one vehicle at that rate [Hz]. Raises `RecordingError` if the recording has fewer Frames.
+
+    An episode ends with a reset, with another scenario, and where Frames are missing: its steps have equal intervals,
+    but for the distance to the next Frame.
+    """
     vehicle = options.vehicles(recording)[0]
-    commands = list(recording.commands)
-    next_command, command, episode, tick = 0, Command(), 0, -1
+    interval = float(np.median(np.diff(np.unique(recording.times)))) if len(recording.times) > 1 else 0.0
+    if rate * interval > 1.0 + 1e-6:
+        raise RecordingError(
+            f"the recording has a Frame every {interval:.4g} s: choose a rate of at most {1.0 / interval:.4g} Hz"
+        )
+    given = recording.records_of(COMMANDS, REQUESTS)
+    record = next(given, None)
+    command, since, episode, last = Command(), -math.inf, 0, math.inf
     for time, frame in options.moments(recording, rate):
-        while next_command < len(commands) and commands[next_command][0] <= time + 1e-9:
-            command = commands[next_command][1].commands.get(vehicle, command)
-            next_command += 1
-        if frame.tick < tick:
-            episode += 1
-        tick = frame.tick
-        action = np.clip(np.array([command.throttle, command.steering], np.float32), -1.0, 1.0)
+        has_jump = time > last + 1.0 / rate + interval + 1e-9
+        while record is not None and record[0] <= time + 1e-9:
+            of = record[1]
+            if isinstance(of, CommandsRecord) and vehicle in of.commands:
+                command, since = of.commands[vehicle], record[0]
+            elif isinstance(of, RequestRecord) and isinstance(of.request, Reset | ResetTo | LoadScenario):
+                command, has_jump = Command(), record[0] > last
+            record = next(given, None)
+        if vehicle not in frame.vehicles:
+            continue
+        episode += has_jump and last < math.inf
+        last = time
+        limit = recording.scenario_at(time).spec.get("command_timeout", math.inf)
+        obeyed = command if time - since <= limit + 1e-9 else Command()
+        action = np.clip(np.array([obeyed.throttle, obeyed.steering], np.float32), -1.0, 1.0)
         images = frame.vehicles[vehicle].cameras
         assert isinstance(images, LazyImages)
         yield Step(time, episode, _state(frame, vehicle), action, images)

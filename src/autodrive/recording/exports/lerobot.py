@@ -3,24 +3,26 @@
 The layout is that of `lerobot.datasets` v3.0: `meta/info.json`, `meta/stats.json`, `meta/tasks.parquet`,
 `meta/episodes/chunk-000/file-000.parquet`, `data/chunk-000/file-000.parquet` and
 `videos/observation.images.CAMERA/chunk-000/file-000.mp4`. We have checked it with pyarrow and PyAV, not with lerobot,
-which needs PyTorch.
+which needs PyTorch. As LeRobot's, the table of the tasks has the task as the index of its data frame, and statistics of
+an image are those of its channels, from 0 to 1.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from autodrive.base.cache import make_folder, write_file
-from autodrive.recording import Recording
+from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.film.encoder import open_stream
@@ -28,13 +30,20 @@ from autodrive.recording.recording import decoded
 
 RATE = 30
 """Default rate of the steps [Hz]."""
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+"""Of the statistics, by name."""
+MAX_IMAGES, PIXEL_STEP = 100, 8
+"""The statistics of a camera are those of at most so many images, and of each 8th pixel of each 8th row."""
 CODECS = ("libsvtav1", "libvpx-vp9", "mpeg4")
 """Video encoders, best first; the first that PyAV has is used."""
 
 
 def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
     """Write the dataset of one vehicle; each part between resets is an episode."""
-    rate = round(options.rate or RATE)
+    rate = options.rate or RATE
+    if rate != round(rate):
+        raise RecordingError(f"a LeRobot dataset has a whole number of steps in a second, not {rate:g}")
+    rate = round(rate)
     found = checked(list(steps(recording, options, rate)))
     vehicle = options.vehicles(recording)[0]
     cameras = [one for one in recording.cameras(vehicle) if all(one in step.images.times for step in found[-1:])]
@@ -43,12 +52,27 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     task = f"drive: {recording.scenario.spec.get('title') or recording.scenario.name}"
     columns = _columns(found, rate)
     pq.write_table(pa.table(columns), path / "data/chunk-000/file-000.parquet")
-    pq.write_table(pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]}), path / "meta/tasks.parquet")
+    pq.write_table(_tasks(task), path / "meta/tasks.parquet")
     videos = {camera: _write_video(path, camera, found, rate) for camera in cameras}
+    values = {
+        name: np.array(column.to_pylist(), np.float64).reshape(len(found), -1) for name, column in columns.items()
+    }
     episodes = _episode_rows(columns, task, cameras, rate)
+    episodes |= _episode_statistics(values, found, cameras)
     pq.write_table(pa.table(episodes), path / "meta/episodes/chunk-000/file-000.parquet")
-    write_file(path / "meta/stats.json", json.dumps(_statistics(columns), indent=2))
+    write_file(path / "meta/stats.json", json.dumps(_statistics(values, found, cameras), indent=2))
     write_file(path / "meta/info.json", json.dumps(_info(recording, vehicle, found, rate, videos), indent=2))
+
+
+def _tasks(task: str) -> pa.Table:
+    """The table of the tasks, which pandas reads as a data frame with the task as its index."""
+    columns = [
+        {"name": name, "field_name": name, "pandas_type": type_, "numpy_type": dtype, "metadata": None}
+        for name, type_, dtype in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+    ]
+    described = {"index_columns": ["task"], "column_indexes": [], "columns": columns, "pandas_version": "2.0.0"}
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]})
+    return table.replace_schema_metadata({"pandas": json.dumps(described)})
 
 
 def _columns(found: Sequence[Step], rate: int) -> dict[str, Any]:
@@ -116,18 +140,50 @@ def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> d
     }
 
 
-def _statistics(columns: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, column in columns.items():
-        values = np.array(column.to_pylist(), np.float64).reshape(len(column), -1)
-        found[name] = {
-            "min": values.min(axis=0).tolist(),
-            "max": values.max(axis=0).tolist(),
-            "mean": values.mean(axis=0).tolist(),
-            "std": values.std(axis=0).tolist(),
-            "count": [len(values)],
-        }
-    return found
+Statistics: TypeAlias = dict[str, dict[str, list[Any]]]
+
+
+def _statistics(values: Mapping[str, NDArray[np.float64]], found: Sequence[Step], cameras: Sequence[str]) -> Statistics:
+    """Statistics of each feature, by its name and by the name of the statistic."""
+    statistics = {name: _summary(column, len(column)) for name, column in values.items()}
+    for camera in cameras:
+        chosen = found[:: -(-len(found) // MAX_IMAGES)]
+        pixels = [_pixels(one, camera) for one in chosen]
+        of = _summary(np.concatenate(pixels) / 255.0, len(pixels))
+        shaped = {name: value if name == "count" else [[[channel]] for channel in value] for name, value in of.items()}
+        statistics[f"observation.images.{camera}"] = shaped
+    return statistics
+
+
+def _summary(rows: NDArray[np.float64], count: int) -> dict[str, list[Any]]:
+    """Statistics of the columns, shape (n, k), of that many samples."""
+    of = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
+    quantiles = np.quantile(rows, [*QUANTILES.values()], axis=0)
+    found = of | dict(zip(QUANTILES, quantiles, strict=True))
+    return {name: value.tolist() for name, value in found.items()} | {"count": [count]}
+
+
+def _pixels(step: Step, camera: str) -> NDArray[np.uint8]:
+    """Some pixels of an image, shape (n, 3); one black pixel before the first image."""
+    picture = step.images.picture(camera) if camera in step.images.times else None
+    if picture is None:
+        return np.zeros((1, 3), np.uint8)
+    return decoded(picture).rgb[::PIXEL_STEP, ::PIXEL_STEP].reshape(-1, 3)
+
+
+def _episode_statistics(
+    values: Mapping[str, NDArray[np.float64]], found: Sequence[Step], cameras: Sequence[str]
+) -> dict[str, list[Any]]:
+    """Columns with the statistics of each episode, such as 'stats/action/mean'."""
+    columns: dict[str, list[Any]] = {}
+    episode = values["episode_index"][:, 0]
+    for number in np.unique(episode):
+        (rows,) = np.nonzero(episode == number)
+        of = _statistics({name: column[rows] for name, column in values.items()}, [found[i] for i in rows], cameras)
+        for feature, statistics in of.items():
+            for name, value in statistics.items():
+                columns.setdefault(f"stats/{feature}/{name}", []).append(value)
+    return columns
 
 
 def _info(
@@ -150,7 +206,7 @@ def _info(
     episodes = len({one.episode for one in found})
     return {
         "codebase_version": "v3.0",
-        "robot_type": recording.scenario.spec["vehicles"][vehicle]["type"],
+        "robot_type": recording.scenario_of(vehicle).spec["vehicles"][vehicle]["type"],
         "total_episodes": episodes,
         "total_frames": len(found),
         "total_tasks": 1,

@@ -25,7 +25,8 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
 
     Load it with `MINARI_DATASETS_PATH=FOLDER` and `minari.load_dataset("autodrive/NAME-v0")`. Images are left out.
     """
-    found = checked(list(steps(recording, options, options.rate or RATE)))
+    rate = options.rate or RATE
+    found = checked(list(steps(recording, options, rate)))
     episodes = [episode for episode, count in Counter(one.episode for one in found).items() if count > 1]
     buffers = [_episode(i, [one for one in found if one.episode == number]) for i, number in enumerate(episodes)]
     name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
@@ -41,7 +42,8 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
                 observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
                 action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
                 algorithm_name="recording",
-                description=f"AutoDRIVE recording of '{recording.scenario.name}'. State: {', '.join(STATE)}.",
+                description=f"AutoDRIVE recording of '{recording.scenario.name}'. {rate:g} steps in a second. "
+                f"State: {', '.join(STATE)}. Action: {', '.join(ACTION)}.",
                 data_format="arrow",
             )
     finally:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from autodrive.base.suggest import suggest
 from autodrive.recording import Moment, Recording, RecordingError
@@ -30,6 +33,12 @@ class ExportOptions:
             known = suggest(self.vehicle, [*recording.vehicles])
             raise RecordingError(f"vehicle '{self.vehicle}' is not in the recording. {known}")
         return (self.vehicle,)
+
+    def includes(self, times: Any) -> Any:
+        """Whether a time, or which times of an array [s], are from `start` to `end`."""
+        start = -np.inf if self.start is None else self.start
+        end = np.inf if self.end is None else self.end
+        return (times >= start) & (times <= end)
 
     def moments(self, recording: Recording, rate: float | None) -> Iterator[Moment]:
         """The Frames from `start` to `end`, at most `rate` of them in a second; None: all.

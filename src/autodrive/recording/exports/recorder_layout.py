@@ -35,13 +35,15 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     """Write 'V1 Log.csv' and 'V1 Camera Frames' of each vehicle into a folder."""
     make_folder(path)
     for vehicle in options.vehicles(recording):
-        type_ = recording.scenario.spec["vehicles"][vehicle]["type"]
+        type_ = recording.scenario_of(vehicle).spec["vehicles"][vehicle]["type"]
         columns = ROBORACER_COLUMNS if Path(type_).stem.startswith("roboracer") else NIGEL_COLUMNS
         began = datetime.strptime(recording.about.get("recorded_at", "2000-01-01T00:00:00Z"), "%Y-%m-%dT%H:%M:%SZ")
         with (path / f"{vehicle} Log.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             images = _Images(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
             for moment in options.moments(recording, options.rate or RATES[columns]):
+                if vehicle not in moment.frame.vehicles:
+                    continue
                 stamp = (began + timedelta(seconds=moment.time)).strftime(TIME_FORMAT)[:-3]
                 writer.writerow(_row(moment, vehicle, stamp, columns, images))
 

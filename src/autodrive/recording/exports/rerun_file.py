@@ -32,8 +32,10 @@ TIMELINE = "time"
 def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
     """Write the file."""
     names = options.vehicles(recording)
-    with recording.scenario_spec() as spec:
-        vehicles = {name: load_vehicle(spec.vehicles[name].type) for name in names}
+    vehicles: dict[str, VehicleSpec] = {}
+    for name in names:
+        with recording.scenario_spec(recording.scenario_of(name)) as spec:
+            vehicles[name] = load_vehicle(spec.vehicles[name].type)
     stream = rr.RecordingStream("autodrive", recording_id=recording.path.stem)
     with _written(path) as target, contextlib.ExitStack() as stack:
         stack.callback(stream.disconnect)  # writes what is left, and the index of the file
@@ -52,7 +54,7 @@ def _log(
         stream.set_time(TIMELINE, duration=time)
         for name, one in frame.objects.items():
             stream.log(f"world/objects/{name}", _transform(one.pose))
-        for name in vehicles:
+        for name in (name for name in vehicles if name in frame.vehicles):
             vehicle = frame.vehicles[name]
             stream.log(f"world/{name}", _transform(vehicle.pose))
             if vehicle.lidar is not None and scans.get(name) != vehicle.lidar.time:
@@ -65,7 +67,7 @@ def _log(
                     stream.log(f"images/{name}/{camera}", rr.EncodedImage(contents=found.jpeg, media_type="image/jpeg"))
         for event in frame.events:
             stream.log("events", rr.TextLog(repr(event)))
-    _log_signals(stream, recording, vehicles)
+    _log_signals(stream, recording, vehicles, options)
 
 
 @contextlib.contextmanager
@@ -130,14 +132,18 @@ def _view(recording: Recording, names: tuple[str, ...]) -> rrb.Blueprint:
 
 
 def _log_meshes(stream: rr.RecordingStream, recording: Recording, vehicles: dict[str, VehicleSpec]) -> None:
-    """The .glb files of the recording, which Rerun draws as they are."""
-    for part, name in recording.scenario.attachments.items():
-        kind, _, of = part.partition("/")
-        entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}.get(kind)
-        if entity is not None and name in recording.attachments and (kind != "vehicle" or of in vehicles):
-            stream.log(
-                entity, rr.Asset3D(contents=recording.attachment(name), media_type="model/gltf-binary"), static=True
-            )
+    """The .glb files of each scenario of the recording, which Rerun draws as they are."""
+    scenarios = recording.scenarios
+    for number, (time, scenario) in enumerate(scenarios):
+        stream.set_time(TIMELINE, duration=time)
+        if number:
+            stream.log("world", rr.Clear(recursive=True))
+        for part, name in scenario.attachments.items():
+            kind, _, of = part.partition("/")
+            entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}.get(kind)
+            if entity is not None and name in recording.attachments and (kind != "vehicle" or of in vehicles):
+                mesh = rr.Asset3D(contents=recording.attachment(name), media_type="model/gltf-binary")
+                stream.log(entity, mesh, static=len(scenarios) == 1)
     for name, spec in vehicles.items():
         if (lidar := spec.sensors.lidar) is not None:
             stream.log(f"world/{name}/lidar", _transform(lidar.mount), static=True)
@@ -157,14 +163,17 @@ def _points(scan: LidarScan) -> np.ndarray:
     return np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))], axis=1)
 
 
-def _log_signals(stream: rr.RecordingStream, recording: Recording, names: Iterable[str]) -> None:
+def _log_signals(
+    stream: rr.RecordingStream, recording: Recording, names: Iterable[str], options: ExportOptions
+) -> None:
     """All signals that have plots, at the rate of the recording, in one call for each."""
     for vehicle in names:
         for signal in (signal for channel in CHANNELS for signal in channel.signals if not signal.size):
             name = f"{vehicle}/{signal.name.replace('.', '/')}"
             if signal.name.startswith("lidar.") or not signal.plots:
                 continue
-            values, times = recording[name].astype(np.float64), recording.signals.times(name)
+            chosen = options.includes(times := recording.signals.times(name))
+            times, values = times[chosen], recording[name].astype(np.float64)[chosen]
             rows = values.reshape(len(times), -1)
             if np.isnan(rows).all():
                 continue

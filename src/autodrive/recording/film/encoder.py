@@ -24,6 +24,7 @@ def open_stream(
     As root, SVT-AV1 gives the thread that opens it the policy SCHED_FIFO with the priority 99 and leaves it so, and all
     threads and processes that this thread starts later inherit it: they then displace everything else on the machine.
     """
+    os.environ.setdefault("SVT_LOG", "1")  # only errors: by default, SVT-AV1 prints its settings
     stream = container.add_stream(encoder, rate=rate, options=options)
     stream.width, stream.height = size
     stream.pix_fmt = "yuv420p"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -52,7 +51,6 @@ class Video:
             raise AutodriveError(f"codec '{chosen}' is not known. {suggest(chosen, [*CODECS])}")
         if any(length % 2 or not 16 <= length <= 8192 for length in size):
             raise AutodriveError(f"width and height of a film must be even numbers from 16 to 8192, not {size}")
-        os.environ.setdefault("SVT_LOG", "1")  # only errors: the encoder prints its settings otherwise
         av = _av()
         self._av: Any = av
         self._path = path
