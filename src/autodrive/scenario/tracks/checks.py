@@ -17,8 +17,8 @@ WIDTH_ERROR = 0.15
 """A greater difference between the widths of the file and the distance to the walls is reported [m]."""
 VARIATION = 4.0
 """A greater ratio of the greatest and the least width is reported."""
-NO_WALLS = "walls are missing: `autodrive import track LINE.csv` makes them along the rows of a centre line"
-EDGES_CROSS = "the width is greater than a bend or the distance to another part of the track allows: the edges cross"
+NO_WALLS = "there are no walls; `autodrive import track LINE.csv` makes them along the rows of a centre line"
+TOO_WIDE = "the width is greater than the bend or the distance to another part of the track allows"
 PSI_ERROR = math.radians(10.0)
 """A greater mean difference between psi and the direction of the points is reported [rad]."""
 
@@ -31,8 +31,8 @@ def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
         for x, y in crossings((points,))[:3]
     ]
     if not errors:
-        text = "walls cross or touch each other" if has_map else EDGES_CROSS
-        errors += [f"{text} at ({x:.2f}, {y:.2f})" for x, y in crossings(track.walls)[:3]]
+        text = "" if has_map else f": {TOO_WIDE}, so that the edges cross"
+        errors += [f"walls cross or touch each other at ({x:.2f}, {y:.2f}){text}" for x, y in crossings(track.walls)[:3]]
     x, y, _ = track.start_pose
     if not track.walls:
         errors.append(NO_WALLS)
@@ -42,9 +42,8 @@ def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
         if len(blocked):
             i = int(blocked[0])
             where = "the start line is" if i == 0 else f"point {i} of the centre line is"
-            errors.append(
-                f"{where} at a wall: the centre line meets a wall near ({points[i, 0]:.2f}, {points[i, 1]:.2f})"
-            )
+            text = "the centre line meets a wall" if has_map else f"{TOO_WIDE}, so that an edge crosses the centre line"
+            errors.append(f"{where} at a wall: {text} near ({points[i, 0]:.2f}, {points[i, 1]:.2f})")
         elif not _is_free(track, x, y):
             errors.append(f"the start line at ({x:.2f}, {y:.2f}) is inside a wall or outside of the track")
     return errors

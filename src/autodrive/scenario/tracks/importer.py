@@ -6,6 +6,7 @@ import functools
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -20,7 +21,7 @@ from autodrive.scenario.tracks.areas import track_area
 from autodrive.scenario.tracks.line import closed_line
 from autodrive.scenario.tracks.middle_line import SPACING, inner_wall, middle_line
 from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, ros_map_of, write_ros_map
-from autodrive.scenario.tracks.shape import crossings, heading, simplified, steps, walls_along
+from autodrive.scenario.tracks.shape import crossings, edges_of, heading, simplified, steps, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
 from autodrive.scenario.tracks.track import MAX_POINTS, MAX_WALLS, POINT_GAP, BarrierSpec, Track
 
@@ -28,6 +29,8 @@ DENSE = 0.04
 """Points that are nearer to each other than this [m] are replaced by others: their noise would bend the walls."""
 LEAST_AREA = 1e-8
 """Of an obstacle [m^2]."""
+LEAST_HOLE = 0.01
+"""Smaller holes between edges that cross are no infield [m^2]."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,7 @@ def _track(
     if options.start is not None:
         warnings += _far_start(rows[0], options.start)
     if not walls:
-        walls = walls_along(rows, min(options.tolerance, 0.01))
+        walls = _edges(rows, min(options.tolerance, 0.01), warnings)
     track = Track(name, np.round(rows, 4) + 0.0, None, walls, title=name, barrier=options.barrier)
     errors = checks.track_errors(track, has_map=ros_map is not None)
     if errors:
@@ -223,12 +226,17 @@ def _lines_around(area: shapely.Polygon, ros_map: RosMap, tolerance: float) -> t
     lines = [ros_map.metres(shapely.get_coordinates(ring)[:-1]) for ring in (oriented.exterior, *oriented.interiors)]
     walls: tuple[Floats, ...] = ()
     for share in (1.0, 0.5, 0.25, 0.1):
-        simple = [simplified(line, share * tolerance) for line in lines]
-        simple = [line[steps(line) >= 2.0 * POINT_GAP] + 0.0 for line in simple]
+        simple = [_simplified(line, share * tolerance) for line in lines]
         walls = tuple(line for line in simple if len(line) >= 3 and shapely.Polygon(line).area > LEAST_AREA)
         if not crossings(walls):
             break
     return walls
+
+
+def _simplified(line: Floats, tolerance: float) -> Floats:
+    """As `simplified`, without points that are too near to the next one."""
+    points = simplified(line, tolerance)
+    return points[steps(points) >= 2.0 * POINT_GAP] + 0.0
 
 
 def _obstacles(walls: tuple[Floats, ...]) -> list[str]:
@@ -254,6 +262,26 @@ def _far_start(first: Floats, start: tuple[float, float]) -> list[str]:
     return [f"{text} at ({x:.2f}, {y:.2f}), {distance:.2f} m from it"]
 
 
+def _edges(rows: Floats, tolerance: float, warnings: list[str]) -> tuple[Floats, ...]:
+    """The walls along a centre line; if its edges cross, those around the area between them, with a warning."""
+    walls = walls_along(rows, tolerance)
+    places = crossings(walls)
+    if not places or crossings((rows[:, :2],)):
+        return walls
+    right, left = edges_of(rows)
+    corners: Any = np.stack([right, left, np.roll(left, -1, axis=0), np.roll(right, -1, axis=0)], axis=1)
+    area = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
+    holes = [hole for hole in shapely.get_rings(area)[1:] if shapely.Polygon(hole).area > LEAST_HOLE]
+    if not isinstance(area, shapely.Polygon) or len(holes) != 1:
+        return walls
+    x, y = places[0]
+    text = f"the edges of the track cross, first at ({x:.2f}, {y:.2f}): the width is greater than the bends allow"
+    warnings.append(f"{text}. The walls are around the area between the edges")
+    oriented = orient(shapely.Polygon(area.exterior, holes))
+    outlines = oriented.exterior, *oriented.interiors
+    return tuple(_simplified(shapely.get_coordinates(outline)[:-1], tolerance) for outline in outlines)
+
+
 def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     """The points without those that are equal to the one before; the first one is not repeated."""
     gaps = steps(rows[:, :2])
@@ -272,14 +300,22 @@ def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     if (kept[:, 2:] <= 0.0).any():
         row = int(np.flatnonzero((kept[:, 2:] <= 0.0).any(axis=1))[0])
         raise SpecError([f"row {row + 1}: the widths to the right and to the left must be above 0"], str(path))
-    return _spaced(kept)
+    spaced = _spaced(kept)
+    if spaced is not kept:
+        text = f"the centre line has {len(kept)} points, {100.0 * usual:.2g} cm apart"
+        warnings.append(f"{text}: it becomes {len(spaced)} means of them at equal distances")
+    return spaced
 
 
 def _spaced(rows: Floats) -> Floats:
-    """The rows of a centre line, or others at equal distances if they are too dense or too many."""
-    along = closed_line(rows[:, :2]).along
-    if np.median(np.diff(along)) >= DENSE and len(rows) <= MAX_POINTS:
+    """The rows of a centre line, or means at equal distances if they are too dense or too many."""
+    gap = float(np.median(steps(rows[:, :2])))
+    if gap < DENSE:
+        reach = min(round(SPACING / gap), len(rows) // 8)
+        rows = np.mean([np.roll(rows, shift, axis=0) for shift in range(-reach, reach + 1)], axis=0)
+    elif len(rows) <= MAX_POINTS:
         return rows
+    along = closed_line(rows[:, :2]).along
     count = min(max(math.ceil(along[-1] / SPACING), 4), MAX_POINTS)
     at = np.linspace(0.0, along[-1], count, endpoint=False)
     return np.column_stack([np.interp(at, along, np.append(column, column[0])) for column in rows.T])
