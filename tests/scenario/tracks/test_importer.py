@@ -161,7 +161,6 @@ def test_gaps_between_barriers_are_closed_on_request(bean: Track, folder: Path) 
     [
         ("map.yaml", "resolution: .*", "resolution: 0", r"resolution \(line 2\): must be at least 0\.0001"),
         ("map.yaml", "resolution: .*", "", "resolution: is required"),
-        ("map.yaml", "free_thresh: .*", "free_thresh: 0.9", "occupied_thresh 0.45 must be above free_thresh 0.9"),
         ("map.yaml", "negate: 0", "mode: raw", "mode raw has no fixed meaning"),
         (
             "map.yaml",

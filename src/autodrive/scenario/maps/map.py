@@ -39,6 +39,7 @@ from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shap
 from autodrive.scenario.maps.spec import DescribedMap, GroundSpec, MapSpec
 from autodrive.scenario.maps.stop_lines import StopLine, stop_lines
 from autodrive.scenario.maps.track_map import barriers, lane, pieces, road, start_line
+from autodrive.scenario.tracks.checks import NO_WALLS
 from autodrive.scenario.tracks.points import faults
 from autodrive.scenario.tracks.track import Track, TrackSpec
 
@@ -184,7 +185,12 @@ def problem_texts(
 
 
 def track_map(track: Track) -> Map:
-    """The map of a race track. It reports no departures from the road: its barriers are the limits."""
+    """The map of a race track. It reports no departures from the road: its barriers are the limits.
+
+    Raises `SpecError` if the track has no walls.
+    """
+    if not track.walls:
+        raise SpecError([f"track '{track.name}': {NO_WALLS}"])
     walls = barriers(track)
     statics = tuple(pieces(walls, track.barrier))
     drivable = road(track)

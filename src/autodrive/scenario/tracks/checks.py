@@ -15,29 +15,35 @@ WIDTH_MIN = 0.9
 """A narrower place is reported [m]."""
 WIDTH_ERROR = 0.15
 """A greater difference between the widths of the file and the distance to the walls is reported [m]."""
+VARIATION = 4.0
+"""A greater ratio of the greatest and the least width is reported."""
+NO_WALLS = "there are no walls; `autodrive import track LINE.csv` makes them along the rows of a centre line"
+TOO_WIDE = "the width is greater than the bend or the distance to another part of the track allows"
 PSI_ERROR = math.radians(10.0)
 """A greater mean difference between psi and the direction of the points is reported [rad]."""
 
 
-def track_errors(track: Track) -> list[str]:
-    """What makes the track impossible to drive."""
+def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
+    """What makes the track impossible to drive. `has_map`: its walls are those of a map, not the edges of its line."""
     points = track.centre_line[:, :2]
     errors = [
         f"the centre line crosses itself at ({x:.2f}, {y:.2f}); a track is flat and has no bridge"
         for x, y in crossings((points,))[:3]
     ]
     if not errors:
-        errors += [f"walls cross or touch each other at ({x:.2f}, {y:.2f})" for x, y in crossings(track.walls)[:3]]
+        text = "" if has_map else f": {TOO_WIDE}, so that the edges cross"
+        errors += [f"walls cross or touch each other at ({x:.2f}, {y:.2f}){text}" for x, y in crossings(track.walls)[:3]]
     x, y, _ = track.start_pose
-    faces = shapely.multilinestrings([shapely.LinearRing(wall) for wall in track.walls])
-    if track.walls:
+    if not track.walls:
+        errors.append(NO_WALLS)
+    else:
+        faces = shapely.multilinestrings([shapely.LinearRing(wall) for wall in track.walls])
         blocked = np.flatnonzero(shapely.intersects(faces, _segments(points)))
         if len(blocked):
             i = int(blocked[0])
             where = "the start line is" if i == 0 else f"point {i} of the centre line is"
-            errors.append(
-                f"{where} at a wall: the centre line meets a wall near ({points[i, 0]:.2f}, {points[i, 1]:.2f})"
-            )
+            text = "the centre line meets a wall" if has_map else f"{TOO_WIDE}, so that an edge crosses the centre line"
+            errors.append(f"{where} at a wall: {text} near ({points[i, 0]:.2f}, {points[i, 1]:.2f})")
         elif not _is_free(track, x, y):
             errors.append(f"the start line at ({x:.2f}, {y:.2f}) is inside a wall or outside of the track")
     return errors
@@ -56,6 +62,9 @@ def track_warnings(track: Track) -> list[str]:
     if total.min() < WIDTH_MIN:
         i = int(np.argmin(total))
         warnings.append(f"the track is only {total[i]:.2f} m wide at ({points[i, 0]:.2f}, {points[i, 1]:.2f})")
+    if total.max() > VARIATION * total.min():
+        text = f"the width varies from {total.min():.2f} to {total.max():.2f} m"
+        warnings.append(f"{text}: the walls may not be those of the track, or have openings")
     if track.walls:
         faces = shapely.multilinestrings([shapely.LinearRing(wall) for wall in track.walls])
         away = shapely.distance(faces, shapely.points(points))

@@ -1,15 +1,13 @@
-"""Contours of a grey image (marching squares), and the free area around a point."""
+"""Contours of a grey image (marching squares), and the areas inside of them."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.polygon import orient
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.scenario.tracks.shape import simplified
 
 MAX_BORDER, MAX_LINES = 300_000, 10_000
 """Of an image. With more, it is noise or a pattern, and would take minutes."""
@@ -88,31 +86,8 @@ def _crossings(values: Floats, outside: float, level: float, sides: NDArray[np.i
     return np.stack([x + np.where(is_vertical, 0.0, share), height - (y + np.where(is_vertical, share, 0.0))], axis=1)
 
 
-def free_area(lines: list[Floats], point: tuple[float, float] | None, tolerance: float, gap: float) -> list[Floats]:
-    """The lines around the free area that contains a point, simplified; without a point, around the largest ring.
-
-    Openings narrower than `gap` are closed. All lengths are in pixels. The first line is the outer one. Empty if the
-    point is not in a free area.
-    """
-    areas = [area for area in _free_areas(lines) if point is None or area.distance(shapely.Point(point)) < tolerance]
-    if gap > 0.0:
-        open_areas = shapely.buffer(shapely.buffer(areas, -gap / 2.0), gap / 2.0)
-        areas = [area for area in shapely.get_parts(open_areas) if isinstance(area, shapely.Polygon)]
-    if point is not None:
-        place = shapely.Point(point)
-        chosen = next((area for area in areas if area.contains(place)), None)
-    else:
-        rings = [area for area in areas if area.interiors]
-        chosen = max(rings, key=lambda area: max(shapely.Polygon(hole).area for hole in area.interiors), default=None)
-    if chosen is None:
-        return []
-    chosen = orient(chosen)
-    found = [simplified(shapely.get_coordinates(ring)[:-1], tolerance) for ring in (chosen.exterior, *chosen.interiors)]
-    return [line for line in found if len(line) >= 3 and abs(_area(line)) > 1e-6]
-
-
-def _free_areas(lines: list[Floats]) -> list[shapely.Polygon]:
-    """Each outer line with the inner lines that are directly inside of it."""
+def areas_of(lines: list[Floats]) -> list[shapely.Polygon]:
+    """The areas between contours: each outer line with the inner lines that are directly inside of it."""
     outer = sorted((line for line in lines if _area(line) > 0.0), key=_area)
     inner = [line for line in lines if _area(line) < 0.0]
     tree = shapely.STRtree([shapely.Polygon(line) for line in outer])

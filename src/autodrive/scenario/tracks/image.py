@@ -15,6 +15,8 @@ from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 
 MAX_PIXELS = 2**24
+MAX_EDGE = 2**16
+"""Of an image [pixel]."""
 MAX_BYTES = 100 * 2**20
 """Of a file, and of its pixels without compression."""
 ROWS = 64
@@ -168,5 +170,6 @@ def _pgm(data: bytes) -> Floats:
 
 
 def _check_size(width: int, height: int) -> None:
-    if not 0 < width * height <= MAX_PIXELS:
-        raise ValueError(f"{width} x {height} pixels; at most {MAX_PIXELS} are possible: save it smaller")
+    if not 0 < width * height <= MAX_PIXELS or max(width, height) > MAX_EDGE:
+        text = f"{width} x {height} pixels; at most {MAX_PIXELS} are possible, and {MAX_EDGE} along an edge"
+        raise ValueError(f"{text}: save it smaller")

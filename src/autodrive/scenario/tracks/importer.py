@@ -11,22 +11,26 @@ from typing import Any
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import make_folder
 from autodrive.base.errors import SpecError
 from autodrive.scenario.tracks import checks
-from autodrive.scenario.tracks.contours import contours, free_area
+from autodrive.scenario.tracks.areas import track_area
 from autodrive.scenario.tracks.line import closed_line
+from autodrive.scenario.tracks.middle_line import SPACING, inner_wall, middle_line
 from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, ros_map_of, write_ros_map
-from autodrive.scenario.tracks.shape import heading, resampled, steps, straightest, walls_along
+from autodrive.scenario.tracks.shape import crossings, edges_of, heading, simplified, steps, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
-from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
+from autodrive.scenario.tracks.track import MAX_POINTS, MAX_WALLS, POINT_GAP, BarrierSpec, Track
 
-SPACING = 0.1
-"""Distance of the points of a centre line that is computed from a map [m]; more on a track that is longer than 1 km."""
-MAX_POINTS = 20_000
-"""On both walls, for the computation of the centre line."""
+DENSE = 0.04
+"""Points that are nearer to each other than this [m] are replaced by others: their noise would bend the walls."""
+LEAST_AREA = 1e-8
+"""Of an obstacle [m^2]."""
+LEAST_HOLE = 0.01
+"""Smaller holes between edges that cross are no infield [m^2]."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
     ros_map = read_ros_map(sources.map) if sources.map else None
     rows: Floats | None = None
     if sources.centre_line:
-        rows = _cleaned(read_centre_line(sources.centre_line, options.width), sources.centre_line, warnings)
+        rows = _cleaned(read_centre_line(sources.centre_line, options.width, warnings), sources.centre_line, warnings)
     race = _race_line(sources.race_line, warnings) if sources.race_line else None
     return _track(options.name or sources.name, ros_map, rows, race, options, warnings, str(path)), warnings
 
@@ -130,34 +134,26 @@ def _track(
     path: str,
 ) -> Track:
     """The track of a map, a centre line `rows`, or both, and perhaps a race line; adds to the warnings."""
+    line = rows[:, :2] if rows is not None else race[:, 1:3] if race is not None else None
     walls: tuple[Floats, ...] = ()
-    if ros_map is not None:
-        if ros_map.warning:
-            warnings.append(ros_map.warning)
-        if ros_map.spec.origin[2:] and ros_map.spec.origin[2]:
-            warnings.append(
-                f"the map is turned by {math.degrees(ros_map.spec.origin[2]):.4g} degrees, as origin states"
-            )
-        known = rows[0] if rows is not None else race[0, 1:] if race is not None else None
-        inside = options.start if known is None else (float(known[0]), float(known[1]))
-        hint = "the map and the centre line have different origins, or negate is wrong"
-        if known is None:
-            hint = "the start point is on a wall or outside of the track"
-        try:
-            walls = _walls(ros_map, inside, options, hint)
-        except SpecError as error:
-            raise SpecError(error.errors, path) from None
-    if rows is None:
-        rows = _middle_line(walls, path)
-        text = "direction and start line are guesses"
-        if race is not None:
-            rows, text = _along(rows, race), "direction and start line are those of the race line"
-        warnings.append(f"the file has no centre line: it is the middle between the walls; {text}")
+    try:
+        if ros_map is not None:
+            walls = _walls(ros_map, line, options, warnings)
+        if rows is None:
+            rows = middle_line(walls)
+            text = "direction and start line are guesses"
+            if race is not None:
+                rows, text = _along(rows, race), "direction and start line are those of the race line"
+            warnings.append(f"the file has no centre line: it is the middle between the walls; {text}")
+    except SpecError as error:
+        raise SpecError(error.errors, path) from None
     rows = _turned(rows, options)
+    if options.start is not None:
+        warnings += _far_start(rows[0], options.start)
     if not walls:
-        walls = walls_along(rows, min(options.tolerance, 0.01))
+        walls = _edges(rows, min(options.tolerance, 0.01), warnings)
     track = Track(name, np.round(rows, 4) + 0.0, None, walls, title=name, barrier=options.barrier)
-    errors = checks.track_errors(track)
+    errors = checks.track_errors(track, has_map=ros_map is not None)
     if errors:
         raise SpecError([f"track '{name}': {error}" for error in errors], path)
     if race is not None:
@@ -193,26 +189,97 @@ def solid_and_free(track: Track, resolution: float) -> tuple[BaseGeometry, BaseG
     return shapely.difference(shapely.buffer(free, max(track.barrier.width, 2.0 * resolution)), free), free
 
 
-def _walls(
-    ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions, hint: str
-) -> tuple[Floats, ...]:
-    """The contours around the free area that contains a point, in the map frame; `hint`: why it may not be free."""
-    spec = ros_map.spec
-    tolerance, gap = options.tolerance / spec.resolution, options.gap / spec.resolution
-    if inside is None:
-        # of the areas that are certainly free, the largest ring
-        rings = free_area(contours(ros_map.occupancy, spec.free_thresh), None, tolerance, gap)
-        place = shapely.Polygon(rings[0], rings[1:]).point_on_surface() if rings else None
-    else:
-        place = shapely.Point(ros_map.pixels(*inside))
-    lines = contours(ros_map.occupancy, spec.occupied_thresh)
-    found = free_area(lines, (place.x, place.y), tolerance, gap) if place else []
-    if not found and inside:
-        text = f"the map is not free at ({inside[0]:.2f}, {inside[1]:.2f}), where the start line is"
-        raise SpecError([f"{text}: {hint}"])
-    if not found:
-        raise SpecError(["the map has no free area that is a ring; give a start point or a centre line"])
-    return tuple(np.round(ros_map.metres(line), 4) + 0.0 for line in found)
+def _walls(ros_map: RosMap, line: Floats | None, options: ImportOptions, warnings: list[str]) -> tuple[Floats, ...]:
+    """The contours around the track, the outer one first, in the map frame; adds to the warnings.
+
+    `line`: places on the track, shape (n, 2) [m], in driving direction.
+    """
+    warnings += [ros_map.warning] if ros_map.warning else []
+    if yaw := ros_map.yaw:
+        warnings.append(f"the map is turned by {math.degrees(yaw):.4g} degrees, as origin states")
+    place: BaseGeometry | None = None
+    if line is not None:
+        place = shapely.LinearRing([ros_map.pixels(x, y) for x, y in line.tolist()])
+    elif options.start is not None:
+        place = shapely.Point(ros_map.pixels(*options.start))
+    area, reasons = track_area(ros_map, place, options.gap)
+    if area is None:
+        x, y = line[0] if line is not None else options.start or (0.0, 0.0)
+        hint = "the start point is on a wall or outside of the track"
+        if line is not None:
+            hint = "the map and the centre line have different origins, or negate is wrong"
+        raise SpecError([f"the map is not free at ({x:.2f}, {y:.2f}), where the start line is: {hint}"])
+    walls = _lines_around(area, ros_map, options.tolerance)
+    warnings += reasons if line is not None else [*reasons, *_obstacles(walls)]
+    return walls
+
+
+def _lines_around(area: shapely.Polygon, ros_map: RosMap, tolerance: float) -> tuple[Floats, ...]:
+    """The outer line around an area, and the inner ones, in the map frame, at most `tolerance` [m] away from them.
+
+    They are nearer if they would cross otherwise.
+    """
+    oriented = orient(area)
+    if len(oriented.interiors) >= MAX_WALLS:
+        text = f"the map has {len(oriented.interiors) + 1} separate walls; a track has at most {MAX_WALLS}"
+        raise SpecError([f"{text}: remove the specks from the image"])
+    lines = [ros_map.metres(shapely.get_coordinates(ring)[:-1]) for ring in (oriented.exterior, *oriented.interiors)]
+    walls: tuple[Floats, ...] = ()
+    for share in (1.0, 0.5, 0.25, 0.1):
+        simple = [_simplified(line, share * tolerance) for line in lines]
+        walls = tuple(line for line in simple if len(line) >= 3 and shapely.Polygon(line).area > LEAST_AREA)
+        if not crossings(walls):
+            break
+    return walls
+
+
+def _simplified(line: Floats, tolerance: float) -> Floats:
+    """As `simplified`, without points that are too near to the next one."""
+    points = simplified(line, tolerance)
+    return points[steps(points) >= 2.0 * POINT_GAP] + 0.0
+
+
+def _obstacles(walls: tuple[Floats, ...]) -> list[str]:
+    """A warning about the walls that are neither the outer nor the inner one."""
+    inner = inner_wall(walls)
+    sizes = [(float(np.ptp(wall, axis=0).max()), wall) for k, wall in enumerate(walls) if k not in (0, inner)]
+    if not sizes:
+        return []
+    size, wall = max(sizes, key=lambda sized: sized[0])
+    x, y = wall.mean(axis=0)
+    count = f"{len(sizes)} obstacle{'s' if len(sizes) > 1 else ''}"
+    text = f"the map has {count} between the walls, the largest one {size:.2g} m long, at ({x:.2f}, {y:.2f})"
+    return [f"{text}: the centre line leads past; remove what is noise from the image"]
+
+
+def _far_start(first: Floats, start: tuple[float, float]) -> list[str]:
+    """A warning if the start line, at the row `first` of the centre line, does not go past the wanted start."""
+    distance = math.hypot(first[0] - start[0], first[1] - start[1])
+    if distance <= max(first[2:]):
+        return []
+    x, y = first[:2]
+    text = f"the start point ({start[0]:.2f}, {start[1]:.2f}) is not on the way around the track: the start line is"
+    return [f"{text} at ({x:.2f}, {y:.2f}), {distance:.2f} m from it"]
+
+
+def _edges(rows: Floats, tolerance: float, warnings: list[str]) -> tuple[Floats, ...]:
+    """The walls along a centre line; if its edges cross, those around the area between them, with a warning."""
+    walls = walls_along(rows, tolerance)
+    places = crossings(walls)
+    if not places or crossings((rows[:, :2],)):
+        return walls
+    right, left = edges_of(rows)
+    corners: Any = np.stack([right, left, np.roll(left, -1, axis=0), np.roll(right, -1, axis=0)], axis=1)
+    area = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
+    holes = [hole for hole in shapely.get_rings(area)[1:] if shapely.Polygon(hole).area > LEAST_HOLE]
+    if not isinstance(area, shapely.Polygon) or len(holes) != 1:
+        return walls
+    x, y = places[0]
+    text = f"the edges of the track cross, first at ({x:.2f}, {y:.2f}): the width is greater than the bends allow"
+    warnings.append(f"{text}. The walls are around the area between the edges")
+    oriented = orient(shapely.Polygon(area.exterior, holes))
+    outlines = oriented.exterior, *oriented.interiors
+    return tuple(_simplified(shapely.get_coordinates(outline)[:-1], tolerance) for outline in outlines)
 
 
 def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
@@ -233,7 +300,25 @@ def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     if (kept[:, 2:] <= 0.0).any():
         row = int(np.flatnonzero((kept[:, 2:] <= 0.0).any(axis=1))[0])
         raise SpecError([f"row {row + 1}: the widths to the right and to the left must be above 0"], str(path))
-    return kept
+    spaced = _spaced(kept)
+    if spaced is not kept:
+        text = f"the centre line has {len(kept)} points, {100.0 * usual:.2g} cm apart"
+        warnings.append(f"{text}: it becomes {len(spaced)} means of them at equal distances")
+    return spaced
+
+
+def _spaced(rows: Floats) -> Floats:
+    """The rows of a centre line, or means at equal distances if they are too dense or too many."""
+    gap = float(np.median(steps(rows[:, :2])))
+    if gap < DENSE:
+        reach = min(round(SPACING / gap), len(rows) // 8)
+        rows = np.mean([np.roll(rows, shift, axis=0) for shift in range(-reach, reach + 1)], axis=0)
+    elif len(rows) <= MAX_POINTS:
+        return rows
+    along = closed_line(rows[:, :2]).along
+    count = min(max(math.ceil(along[-1] / SPACING), 4), MAX_POINTS)
+    at = np.linspace(0.0, along[-1], count, endpoint=False)
+    return np.column_stack([np.interp(at, along, np.append(column, column[0])) for column in rows.T])
 
 
 def _turned(rows: Floats, options: ImportOptions) -> Floats:
@@ -254,48 +339,6 @@ def _along(rows: Floats, race: Floats) -> Floats:
     forward = np.sum(along - len(rows) * np.round(along / len(rows)))
     start = float(race_points[0, 0]), float(race_points[0, 1])
     return _turned(rows, ImportOptions(start=start, is_reversed=bool(forward < 0)))
-
-
-def _middle_line(walls: tuple[Floats, ...], path: str) -> Floats:
-    """The line between the outer wall and the largest inner one, counter-clockwise, with its distances to the walls.
-
-    It consists of those borders of the Voronoi cells of points on the walls that have a point of the outer and one of
-    the inner wall next to them.
-    """
-    rings = sorted((shapely.LinearRing(wall) for wall in walls), key=lambda ring: -shapely.Polygon(ring).area)
-    if len(rings) < 2:
-        raise SpecError(["the free area has no inner wall, so that the track is not a ring; give a centre line"], path)
-    spacing = max(SPACING, sum(ring.length for ring in rings[:2]) / MAX_POINTS)
-    outer, inner = (shapely.segmentize(ring, spacing) for ring in rings[:2])
-    outer_points, inner_points = shapely.MultiPoint(_points(outer)), shapely.MultiPoint(_points(inner))
-    borders = shapely.voronoi_polygons(shapely.union(outer_points, inner_points), only_edges=True)
-    corners, border = shapely.get_coordinates(shapely.get_parts(borders), return_index=True)
-    is_segment = border[1:] == border[:-1]
-    segments = np.stack([corners[:-1], corners[1:]], axis=1)[is_segment]
-    parts: Any = shapely.linestrings(segments)  # an array of them
-    ends = shapely.points(shapely.get_coordinates(parts))
-    outer_away, inner_away = (
-        shapely.STRtree(shapely.get_parts(points)).query_nearest(ends, return_distance=True, all_matches=False)[1]
-        for points in (outer_points, inner_points)
-    )
-    is_middle = (np.abs(outer_away - inner_away) < 1e-6).reshape(-1, 2).all(axis=1)
-    area = shapely.polygonize(shapely.get_parts(shapely.node(shapely.union_all(parts[is_middle]))))
-    if shapely.is_empty(area):
-        raise SpecError(["no middle line was found between the walls; give a centre line"], path)
-    ring = shapely.union_all(shapely.get_parts(area)).exterior  # type: ignore[attr-defined]
-    points = _points(ring)
-    if not ring.is_ccw:
-        points = points[::-1]
-    points = resampled(points, spacing)
-    for _ in range(10):
-        points = (np.roll(points, 1, axis=0) + 2.0 * points + np.roll(points, -1, axis=0)) / 4.0
-    points = np.roll(points, -straightest(points, spacing), axis=0)
-    places = shapely.points(points)
-    return np.column_stack([points, shapely.distance(rings[0], places), shapely.distance(rings[1], places)])
-
-
-def _points(line: BaseGeometry) -> Floats:
-    return shapely.get_coordinates(line)[:-1]
 
 
 def _race_line(path: Path, warnings: list[str]) -> Floats:

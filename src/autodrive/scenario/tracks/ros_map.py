@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal
+from pathlib import Path, PureWindowsPath
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.base import yaml_files
@@ -24,6 +24,11 @@ from autodrive.scenario.tracks.image import grey_of, read_grey
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 """Grey values, as map_saver of ROS writes them."""
 
+
+def _lower(mode: Any) -> Any:
+    return mode.lower() if isinstance(mode, str) else mode
+
+
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -33,16 +38,18 @@ class RosMapSpec(Spec):
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
     image: str
-    """File name, from the folder of the YAML file."""
-    resolution: float = Field(ge=1e-4, le=10.0)
+    """Path of the image, from the folder of the YAML file."""
+    resolution: float = Field(ge=1e-4, le=1.0)
     """Edge of a pixel [m]."""
     origin: Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
     """x [m], y [m], yaw [rad] of the lower left corner of the image."""
     negate: bool | Literal[0, 1] = False
     """True: white is occupied."""
     occupied_thresh: Probability = 0.65
+    """A pixel is occupied if its probability is greater, even if it is below `free_thresh`."""
     free_thresh: Probability = 0.196
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
+    """A pixel that is neither occupied nor, with a smaller probability, free is unknown."""
+    mode: Annotated[Literal["trinary", "scale", "raw"], BeforeValidator(_lower)] = "trinary"
 
 
 @dataclass(frozen=True)
@@ -58,18 +65,19 @@ class RosMap:
     def metres(self, pixels: Floats) -> Floats:
         """Positions in the map frame [m] of positions in the image from its lower left corner [pixel], shape (n, 2)."""
         x, y = pixels[:, 0] * self.spec.resolution, pixels[:, 1] * self.spec.resolution
-        yaw = self._yaw
+        yaw = self.yaw
         c, s = cos(yaw), sin(yaw)
         return np.column_stack([self.spec.origin[0] + c * x - s * y, self.spec.origin[1] + s * x + c * y])
 
     def pixels(self, x: float, y: float) -> tuple[float, float]:
         """The inverse of `metres`, for one point."""
         dx, dy = x - self.spec.origin[0], y - self.spec.origin[1]
-        c, s = cos(self._yaw), sin(self._yaw)
+        c, s = cos(self.yaw), sin(self.yaw)
         return (c * dx + s * dy) / self.spec.resolution, (c * dy - s * dx) / self.spec.resolution
 
     @property
-    def _yaw(self) -> float:
+    def yaw(self) -> float:
+        """Of the image in the map frame [rad]."""
         return self.spec.origin[2] if len(self.spec.origin) > 2 else 0.0
 
 
@@ -78,38 +86,36 @@ def read_ros_map(path: Path) -> RosMap:
     spec = _spec(yaml_files.source(path))
     image, warning = path.parent / spec.image, ""
     if not image.is_file():
-        warning = f"image: the file '{spec.image}' does not exist in {path.parent}"
-        # files of f1tenth_racetracks name images that were renamed since
-        others = [other for kind in (".png", ".pgm") if (other := path.with_suffix(kind)).is_file()]
+        warning = f"image: the file '{spec.image}' does not exist"
+        # absolute paths are those of another computer; files of f1tenth_racetracks name images that were renamed since
+        beside = path.parent / PureWindowsPath(spec.image).name, path.with_suffix(".png"), path.with_suffix(".pgm")
+        others = [other for other in beside if other.is_file()]
         if not others:
-            raise SpecError([warning], str(path))
+            raise SpecError([f"{warning}, and no image of that name is beside the map"], str(path))
         image = others[0]
         warning += f"; '{image.name}' is read instead"
-    return RosMap(spec, _occupancy(spec, read_grey(image)), warning)
+    return _ros_map(spec, read_grey(image), warning)
 
 
 def ros_map_of(text: str, picture: bytes) -> RosMap:
     """The map of the text of a YAML file and the bytes of its image, see `grey_of`. Raises `SpecError`."""
     spec = _spec(yaml_files.Source(text, "the YAML file of the picture"))
-    return RosMap(spec, _occupancy(spec, grey_of(picture, "the picture")))
+    return _ros_map(spec, grey_of(picture, "the picture"))
 
 
 def _spec(source: yaml_files.Source) -> RosMapSpec:
     spec = yaml_files.checked_source(source, RosMapSpec)
-    if spec.occupied_thresh <= spec.free_thresh:
-        text = f"occupied_thresh {spec.occupied_thresh:g} must be above free_thresh {spec.free_thresh:g}"
-        raise SpecError([text], source.path)
     if spec.mode == "raw":
         raise SpecError(["mode raw has no fixed meaning of grey values; save the map as trinary or scale"], source.path)
     return spec
 
 
-def _occupancy(spec: RosMapSpec, grey: Floats) -> Floats:
-    """Changes and returns the grey values."""
+def _ros_map(spec: RosMapSpec, grey: Floats, warning: str = "") -> RosMap:
+    """The map of an image; changes the grey values."""
     if not spec.negate:
         np.subtract(255.0, grey, out=grey)
     grey /= 255.0
-    return grey
+    return RosMap(spec, grey, warning)
 
 
 def write_ros_map(

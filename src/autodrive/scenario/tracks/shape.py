@@ -122,15 +122,12 @@ def _kept(points: Floats, tolerance: float) -> Integers:
 
 def crossings(walls: tuple[Floats, ...]) -> list[tuple[float, float]]:
     """Where closed lines cross or touch themselves or each other: x, y [m], a few places of each."""
-    rings = [shapely.LinearRing(wall) for wall in walls]
-    found: list[tuple[float, float]] = []
-    for i, ring in enumerate(rings):
-        if not ring.is_simple:
-            found += _self_crossings(ring)
-        for other in rings[i + 1 :]:
-            common = shapely.intersection(ring, other)
-            if not common.is_empty:
-                found.append(tuple(shapely.get_coordinates(common)[0].tolist()))  # type: ignore[arg-type]
+    rings: Any = np.array([shapely.LinearRing(wall) for wall in walls], dtype=object)
+    found = [place for ring in rings if not ring.is_simple for place in _self_crossings(ring)]
+    pairs = shapely.STRtree(rings).query(rings, predicate="intersects").T.tolist()
+    for ring, other in sorted(pair for pair in pairs if pair[0] < pair[1]):
+        common = shapely.intersection(rings[ring], rings[other])
+        found.append(tuple(shapely.get_coordinates(common)[0].tolist()))
     return list(dict.fromkeys(found))
 
 

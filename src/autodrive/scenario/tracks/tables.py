@@ -12,43 +12,72 @@ from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
 
 MAX_BYTES = 20 * 2**20
+CENTRE_LINE = "x_m, y_m, w_tr_right_m, w_tr_left_m"
 RACE_LINE = "s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
-X_NAMES, Y_NAMES = {"x", "x_m", "pos_x", "x [m]", "position_x"}, {"y", "y_m", "pos_y", "y [m]", "position_y"}
+CENTRE_COLUMNS = ("x", "y", "right", "left")
+RACE_COLUMNS = ("s", "x", "y", "psi", "kappa", "vx", "ax")
+NAMES: dict[str, tuple[str, ...]] = {
+    "x": ("x", "x_ref", "pos_x", "position_x", "x_pos"),
+    "y": ("y", "y_ref", "pos_y", "position_y", "y_pos"),
+    "right": ("w_tr_right", "width_right", "right_width", "w_right", "right"),
+    "left": ("w_tr_left", "width_left", "left_width", "w_left", "left"),
+    "width": ("width", "track_width"),
+    "s": ("s",),
+    "psi": ("psi", "yaw", "heading", "theta"),
+    "kappa": ("kappa", "curvature"),
+    "vx": ("vx", "v", "speed", "velocity"),
+    "ax": ("ax", "acceleration"),
+}
+"""What a column holds -> its possible names, without unit."""
 
 
-def read_centre_line(path: Path, width: float | None) -> Floats:
-    """x, y, width to the right, width to the left [m], shape (n, 4). Raises `SpecError`.
+def read_centre_line(path: Path, width: float | None, warnings: list[str]) -> Floats:
+    """x, y, width to the right, width to the left [m], shape (n, 4); adds to the warnings. Raises `SpecError`.
 
-    A file without widths, with x and y as its first columns or in columns of these names, needs `width` [m], from edge
-    to edge.
+    The columns are found by their names; without names they are x, y, right, left, or only x and y. `width` [m], from
+    edge to edge, replaces the widths of the file, and is needed if it has none.
     """
-    names, rows = _read(path)
-    if rows.shape[1] == 4:
-        return rows
-    x, y = _column(names, X_NAMES, 0), _column(names, Y_NAMES, 1)
-    right, left = _column(names, {"w_tr_right_m"}, -1), _column(names, {"w_tr_left_m"}, -1)
-    if right >= 0 and left >= 0:
-        return rows[:, [x, y, right, left]]
-    if width is None:
-        raise SpecError(
-            ["the file has no widths (columns w_tr_right_m and w_tr_left_m); give the width of the track with --width"],
-            str(path),
-        )
-    return np.column_stack([rows[:, x], rows[:, y], np.full((len(rows), 2), width / 2.0)])
+    names, rows = _read(path, CENTRE_COLUMNS)
+    if not names and rows.shape[1] not in (2, 4):
+        text = f"the file has {rows.shape[1]} columns without names; expected x, y and the widths to the right and left"
+        raise SpecError([f"{text}, or only x and y. Name them in the first line: {CENTRE_LINE}"], str(path))
+    columns = _columns(names, path) if names else dict(zip(CENTRE_COLUMNS, range(rows.shape[1]), strict=False))
+    _require(("x", "y"), columns, names, path)
+    sides = [rows[:, columns[side]] for side in ("right", "left") if side in columns]
+    if len(sides) != 2:
+        sides = [rows[:, columns["width"]] / 2.0] * 2 if "width" in columns else []
+    if width is None and not sides:
+        given = ", ".join(names) or "x, y"
+        text = f"the file has no widths (w_tr_right_m and w_tr_left_m, or width_m) in its columns {given}"
+        raise SpecError([f"{text}; give the width of the track with --width"], str(path))
+    if width is not None:
+        if sides:
+            warnings.append(f"the widths of the file are not used: --width makes the track {width:g} m wide")
+        sides = [np.full(len(rows), width / 2.0)] * 2
+    return np.column_stack([rows[:, columns["x"]], rows[:, columns["y"]], *sides])
 
 
 def read_race_line(path: Path) -> Floats:
-    """s, x, y, psi, kappa, vx, ax, shape (n, 7). Raises `SpecError`."""
-    _, rows = _read(path)
-    if rows.shape[1] != 7:
+    """s, x, y, psi, kappa, vx, ax, shape (n, 7). Raises `SpecError`.
+
+    The columns are found by their names; without names they are these.
+    """
+    names, rows = _read(path, RACE_COLUMNS)
+    if not names and rows.shape[1] != len(RACE_COLUMNS):
         text = f"a race line has 7 columns ({RACE_LINE}), not {rows.shape[1]}"
+        raise SpecError([text], str(path))
+    columns = _columns(names, path) if names else {name: i for i, name in enumerate(RACE_COLUMNS)}
+    _require(RACE_COLUMNS, columns, names, path)
+    rows = rows[:, [columns[name] for name in RACE_COLUMNS]]
+    if len(slow := np.flatnonzero(rows[:, 5] <= 0.0)):
+        text = f"row {slow[0] + 1}: the speed vx of a race line must be above 0, not {rows[slow[0], 5]:g} m/s"
         raise SpecError([text], str(path))
     return rows
 
 
 def write_centre_line(path: Path, rows: Floats) -> None:
     """Write the CSV file of a centre line, as f1tenth_racetracks has it."""
-    _write(path, "x_m, y_m, w_tr_right_m, w_tr_left_m", ", ", rows)
+    _write(path, CENTRE_LINE, ", ", rows)
 
 
 def write_race_line(path: Path, rows: Floats) -> None:
@@ -61,8 +90,8 @@ def _write(path: Path, names: str, separator: str, rows: Floats) -> None:
     write_file(path, "\n".join(lines) + "\n")
 
 
-def _read(path: Path) -> tuple[list[str], Floats]:
-    """Names of the columns, from the last comment or a line of words, and the rows. Raises `SpecError`."""
+def _read(path: Path, usual: tuple[str, ...]) -> tuple[list[str], Floats]:
+    """Names of the columns, empty if they are the usual ones without names, and the rows. Raises `SpecError`."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise SpecError([f"a CSV file must have at most {MAX_BYTES // 2**20} MiB"], str(path))
@@ -71,21 +100,24 @@ def _read(path: Path) -> tuple[list[str], Floats]:
         raise SpecError([f"cannot be read: {error.strerror or error}"], str(path)) from None
     except UnicodeDecodeError:
         raise SpecError(["is not text in UTF-8"], str(path)) from None
-    names: list[str] = []
+    heads: list[str] = []
     rows: list[list[float]] = []
     errors: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
-        fields = [field.strip() for field in re.split(r"[;,\t]|\s+(?=[-+.\d])", line.strip().lstrip("#").strip())]
+        fields = [field.strip() for field in re.split(r" *[;,\t] *| +(?=[-+.\d])", line.strip().rstrip(";, "))]
         if not any(fields):
             continue
         if line.lstrip().startswith("#"):
-            names = [field.lower() for field in fields]
+            heads += [] if rows else [line.strip()]
+            continue
+        if _has_decimal_commas(line):
+            errors.append(f"line {number}: '{line.strip()[:50]}' has decimal commas; write 1.5, not 1,5")
             continue
         try:
-            row = [float(field) for field in fields if field]
+            row = list(map(float, fields))
         except ValueError:
-            if not rows and not names:
-                names = [field.lower() for field in fields]
+            if not rows and not any(head[0] != "#" for head in heads):
+                heads.append(line.strip())
                 continue
             errors.append(f"line {number}: expected numbers, found '{line.strip()[:50]}'")
             continue
@@ -100,8 +132,56 @@ def _read(path: Path) -> tuple[list[str], Floats]:
     if errors:
         more = [f"and {len(errors) - 20} more errors"] if len(errors) > 20 else []
         raise SpecError([*errors[:20], *more], str(path))
-    return names, np.array(rows)
+    return _header(heads, len(rows[0]), usual, path), np.array(rows)
 
 
-def _column(names: list[str], known: set[str], otherwise: int) -> int:
-    return next((i for i, name in enumerate(names) if name in known), otherwise)
+def _has_decimal_commas(line: str) -> bool:
+    """Whether numbers such as 1,5 are separated by something else than a comma."""
+    return bool(re.search(r"\d,\d", line) and re.search(r"[;\t]|\d\s+[-+.\d]", line))
+
+
+def _header(lines: list[str], count: int, usual: tuple[str, ...], path: Path) -> list[str]:
+    """The names of the columns in the lines before the numbers: comments, or one line of words.
+
+    The last comment with as many names as there are columns counts, if one of them is known or they are separated as in
+    a table; other comments are remarks. A header with another number of names raises `SpecError`, unless it names the
+    first of the usual columns.
+    """
+    for line in reversed(lines):
+        is_comment = line.startswith("#")
+        text = re.sub(r"[\[(](m|rad|1/m|rad/m|m/s|m/s\^?2)[])]", "", line.lstrip("#").strip())
+        names = [name.strip().strip("\"'") for name in re.split(r"[;,\t]", text.rstrip(";,"))]
+        is_table = len(names) > 1
+        names = names if is_table else text.split()
+        meanings = [_meaning(name) for name in names]
+        if len(names) == count and (not is_comment or is_table or any(meanings)):
+            return names
+        is_header = not is_comment or (is_table and len(set(meanings) - {""}) > 1)
+        if is_header and tuple(meanings) != usual[: len(meanings)]:
+            text = f"the header names {len(names)} columns ({line.lstrip('# ')[:80]}); the rows have {count}"
+            raise SpecError([text], str(path))
+    return []
+
+
+def _meaning(name: str) -> str:
+    """What a column of that name holds, see `NAMES`; '' if the name is not known."""
+    plain = re.sub(r"_(m|rad|radpm|mps|mps2)$", "", re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"))
+    return next((meaning for meaning, names in NAMES.items() if plain in names), "")
+
+
+def _columns(names: list[str], path: Path) -> dict[str, int]:
+    """What is in which column, by the names. Raises `SpecError` if two columns hold the same."""
+    found: dict[str, int] = {}
+    for number, name in enumerate(names):
+        if (meaning := _meaning(name)) and meaning in found:
+            raise SpecError([f"two columns hold the same: {names[found[meaning]]} and {name}"], str(path))
+        found |= {meaning: number} if meaning else {}
+    return found
+
+
+def _require(meanings: tuple[str, ...], columns: dict[str, int], names: list[str], path: Path) -> None:
+    """Raises `SpecError` if a column is missing."""
+    if missing := [meaning for meaning in meanings if meaning not in columns]:
+        known = "; ".join(f"{meaning}: {', '.join(NAMES[meaning])}" for meaning in missing)
+        text = f"the header '{', '.join(names)[:80]}' has no column for {', '.join(missing)}. Names that are known"
+        raise SpecError([f"{text}, with or without the unit: {known}"], str(path))

@@ -269,6 +269,8 @@ def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats
     arrays += [(("race_line",), race_line, 4, 7)] if race_line is not None else []
     arrays += [(("walls", i), wall, 3, 2) for i, wall in enumerate(walls)]
     for place, rows, least, columns in arrays:
+        if len(rows) > MAX_POINTS:
+            found.append((place, f"must have at most {MAX_POINTS} points, not {len(rows)}"))
         if rows.ndim != 2 or rows.shape[1] != columns or len(rows) < least:
             found.append((place, f"must have at least {least} rows of {columns} numbers; its shape is {rows.shape}"))
             continue
