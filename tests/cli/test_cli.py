@@ -423,7 +423,10 @@ def test_a_new_file_is_valid_and_is_not_overwritten(tmp_path: Path, what: str) -
     done = call("new", what, "mine", cwd=tmp_path)
     assert done.stdout == "wrote mine.yaml. Next:  autodrive check mine.yaml\n"
     assert call("check", "mine.yaml", cwd=tmp_path).stdout.startswith(f"mine.yaml: {what} '")
-    assert "the file exists; choose another name  (mine.yaml)" in call("new", what, "mine", cwd=tmp_path).stderr
+    assert (
+        "the file exists: replace it with --force, or choose another name  (mine.yaml)"
+        in call("new", what, "mine", cwd=tmp_path).stderr
+    )
 
 
 def test_a_new_driver_is_a_program(tmp_path: Path) -> None:

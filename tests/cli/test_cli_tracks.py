@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.generate import generate_track
@@ -29,7 +31,7 @@ def test_a_track_is_generated_exported_and_imported(tmp_path: Path) -> None:
     done = call("export", "track", "mine.yaml", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
-        f"wrote out/mine_{one}" for one in ("map.yaml", "centerline.csv", "raceline.csv")
+        f"wrote out/mine_{one}" for one in ("map.png", "map.yaml", "centerline.csv", "raceline.csv")
     ]
     assert (tmp_path / "out" / "mine_map.png").read_bytes().startswith(b"\x89PNG")
 
@@ -43,7 +45,7 @@ def test_a_track_is_generated_exported_and_imported(tmp_path: Path) -> None:
 
 def test_generated_tracks_differ_by_seed_and_barrier_only_as_asked(tmp_path: Path) -> None:
     def made(*options: str) -> Track:
-        assert call("generate", "track", *OPTIONS, *options, "-o", "one.yaml", cwd=tmp_path).returncode == 0
+        assert call("generate", "track", *OPTIONS, *options, "--force", "-o", "one.yaml", cwd=tmp_path).returncode == 0
         return Track.load(tmp_path / "one.yaml")
 
     same, other = made("--gap", "0"), made("--seed", "8")
@@ -92,7 +94,13 @@ def test_a_centre_line_becomes_a_track_between_walls_or_ducts(tmp_path: Path) ->
         (("import", "track", "line.csv", "--tolerance", "0"), "Invalid value for '--tolerance'"),
         (("import", "track", "line.csv"), "width"),
         (("import", "track", "words.csv"), "words.csv"),
-        (("import", "track", "picture.png"), "'picture.png' is not a track: expected a folder"),
+        (("import", "track", "film.mp4"), "'film.mp4' is not a track: expected a folder"),
+        (("import", "track", "picture.png", "--resolution", "0.05"), "picture.png"),
+        (
+            ("import", "track", "line.csv", "--width", "1", "--resolution", "0.05"),
+            "is for a picture without a YAML file",
+        ),
+        (("import", "track", "line.csv", "--width", "1", "-o", "line.csv"), "--output must end in .yaml or .yml"),
     ],
 )
 def test_bad_input_is_refused_with_one_line_and_writes_nothing(
@@ -101,6 +109,29 @@ def test_bad_input_is_refused_with_one_line_and_writes_nothing(
     (tmp_path / "line.csv").write_text(OVAL)
     (tmp_path / "words.csv").write_text("here,there\neverywhere\n")
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (tmp_path / "film.mp4").write_bytes(b"")
     before = sorted(tmp_path.iterdir())
     assert text in refused(*arguments, cwd=tmp_path)
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_error_of_a_bare_picture_has_the_lines_that_make_it_a_map(tmp_path: Path) -> None:
+    assert call("export", "track", "practice", "-o", tmp_path).returncode == 0
+    sheet = tmp_path / "practice_map.yaml"
+    expected = sheet.read_text()
+    done = call("import", "track", "practice_map.png", cwd=tmp_path)
+    assert "import 'practice_map.yaml', which is beside it" in done.stderr
+    sheet.unlink()
+    done = call("import", "track", "practice_map.png", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    lines = re.findall("^  (.*)$", done.stderr, re.MULTILINE)
+    assert yaml.safe_load("\n".join(lines)).keys() == yaml.safe_load(expected).keys()
+    sheet.write_text("\n".join(lines))
+    assert call("import", "track", "practice_map.yaml", "-o", "a.yaml", cwd=tmp_path).returncode == 0
+    sheet.unlink()
+    assert (
+        call("import", "track", "practice_map.png", "--resolution", "0.05", "-o", "b.yaml", cwd=tmp_path).returncode
+        == 0
+    )
+    assert (tmp_path / "a.yaml").read_text() == (tmp_path / "b.yaml").read_text()
+    assert Track.load(tmp_path / "b.yaml").length == pytest.approx(Track.load("practice").length, rel=0.01)

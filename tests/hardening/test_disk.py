@@ -65,6 +65,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("practice_map.png", "practice_map.yaml"),
     ),
     "cli/urdf.py": (("urdf", "nigel", "--output", "ros"), ("ros/package.xml",)),
+    "cli/new.py": (("new", "scenario", "mine"), ("mine.yaml",)),
 }
 """A command for each module that writes a file for a user, and files that it writes."""
 PRACTICE = Track.load("practice")
@@ -132,8 +133,6 @@ OTHERS = {
     "recording/film/video.py": {"open"},
 }
 """All other calls that can write, by module."""
-NEW = {"cli/new.py"}
-"""It writes with `write_file`, and only a file that does not exist."""
 FUNCTIONS = {"write_file", "new_file", "growing_file", "write_cached"}
 """Those of `cache.py`."""
 EXPORTS = {"recording/exports/lerobot.py", "recording/exports/recorder_layout.py"}
@@ -164,7 +163,7 @@ def test_every_place_that_writes_is_attacked_here() -> None:
         if FUNCTIONS & {call.func.id for call in calls if isinstance(call.func, ast.Name)}:
             callers.add(name)
     assert writers == OTHERS
-    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS | NEW
+    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS
 
 
 @functools.cache
@@ -279,12 +278,12 @@ def test_a_command_that_cannot_write_is_one_line_and_leaves_the_old_files(
     before = contents(folder)
     arguments, _ = COMMANDS[module]
     if arguments == RUN and "space" in reason:  # only the end of the run finds out
-        done = call(*arguments, cwd=folder)
+        done = call(*arguments, "--force", cwd=folder)
         assert done.returncode == 2
         assert "ended by duration" in done.stdout  # the summary, which is nowhere else
         assert done.stderr.splitlines()[-1] == f"autodrive: cannot write: {reason}  (s.json)"
     else:
-        assert f"cannot write: {reason}  (" in refused(*arguments, cwd=folder)
+        assert f"cannot write: {reason}  (" in refused(*arguments, "--force", cwd=folder)
     assert contents(folder) == before
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
 import typer
 
+from autodrive.cli.options import Force, check_end, check_outputs
+
 if TYPE_CHECKING:
     from autodrive.base.yaml_files import Kind
 
@@ -62,6 +64,7 @@ def show(
         Path | None, typer.Option(metavar="FILE.png", help="Write a top-down semantic label image as PNG.")
     ] = None,
     yaml: Annotated[bool, typer.Option("--yaml", help="Print the YAML file.")] = False,
+    force: Force = False,
 ) -> None:
     """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
@@ -80,33 +83,35 @@ def show(
     }.items():
         if is_wrong:
             raise typer.BadParameter(f"{text}; '{name}' is a {found}")
-    _check_suffix("--output", output, ".png", ".svg")
-    _check_suffix("--3d", in_3d, ".png")
-    _check_suffix("--labels", labels, ".png")
+    check_end("--output", output, ".png", ".svg")
+    check_end("--3d", in_3d, ".png")
+    check_end("--labels", labels, ".png")
     what = f"{found} '{Path(name).stem}'"
+    if output is None and found in {"map", "track", "module"} and not (in_3d or rasters):
+        output = Path(f"{Path(name).stem}.png")
+    map_ = spec_files.map_of(found, name) if rasters else None
+    grid = [occupancy / f"{map_.name}{suffix}" for suffix in (".png", ".yaml")] if map_ and occupancy else []
+    check_outputs(output, in_3d, labels, *grid, is_forced=force)
     if in_3d is not None:
         from autodrive.cli.preview import render_preview
 
         render_preview(found, name, in_3d, is_day=not night)
         typer.echo(f"wrote {what} to {in_3d}")
-    if rasters:
+    if map_ is not None:
         from autodrive.scenario.maps import raster
 
-        map_ = spec_files.map_of(found, name)
         if occupancy is not None:
             typer.echo(f"wrote the occupancy grid of {what} to {raster.write_occupancy(map_, occupancy)}")
         if labels is not None:
             raster.write_labels(map_, labels)
             typer.echo(f"wrote the labels of {what} to {labels}")
-    if output is None and (in_3d or rasters):
-        return
-    if found in {"map", "track", "module"} or output is not None:
-        path = output or Path(f"{Path(name).stem}.png")
-        spec_files.draw(found, name, path)
-        typer.echo(f"wrote {what} to {path}")
+    if output is not None:
+        spec_files.draw(found, name, output)
+        typer.echo(f"wrote {what} to {output}")
         if found == "module":
             for line in spec_files.size_and_ports(name):
                 typer.echo(line)
+    if output or in_3d or rasters:
         return
     rows = list(spec_files.fields(found, name))
     width = max(len(field) for field, _ in rows)
@@ -129,8 +134,3 @@ def check(
         typer.echo(f"autodrive: warning: {warning}", err=True)
     titled = f" '{title}'" if title else ""
     typer.echo(f"{name}: {found}{titled} is valid")
-
-
-def _check_suffix(option: str, file: Path | None, *suffixes: str) -> None:
-    if file is not None and file.suffix.lower() not in suffixes:
-        raise typer.BadParameter(f"{option} must end in {' or '.join(suffixes)}, not '{file.suffix}'")

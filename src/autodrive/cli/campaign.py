@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 import typer.core
+
+from autodrive.cli.options import Force, check_outputs
 
 if TYPE_CHECKING:
     from autodrive.experiments.campaigns.campaign import Campaign
@@ -61,18 +64,23 @@ def campaign(
     replay: Annotated[
         int | None, typer.Option(metavar="RUN", min=0, help="Run one run again, record it, and print its result.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Run a scenario many times, with other parameters and seeds.
 
     Writes table.parquet, summary.json and report.html. Ctrl-C keeps the finished runs; the same command continues.
     """
     from autodrive.experiments.campaigns.campaign import Campaign
+    from autodrive.experiments.campaigns.runs import RESULT_FILES
 
     loaded = Campaign.load(file)
     if replay is not None:
-        _replay(loaded, replay, output)
+        _replay(loaded, replay, output, is_forced=force)
         return
-    outcome = _run(loaded, workers, ray, output, uses_cache=cache, trials=falsify)
+    folder = output or Path(f"{loaded.name}_{'search' if falsify else 'results'}")
+    if falsify or not _is_continued(loaded, folder):
+        check_outputs(*(folder / name for name in RESULT_FILES), is_forced=force)
+    outcome = _run(loaded, workers, ray, folder, uses_cache=cache, trials=falsify)
     _print(loaded, outcome)
     if not outcome.is_complete:
         raise typer.Exit(130)
@@ -80,11 +88,19 @@ def campaign(
         raise typer.Exit(1)
 
 
+def _is_continued(loaded: Campaign, folder: Path) -> bool:
+    """Whether the results in a folder are those of this campaign, also of an earlier version of its file."""
+    try:
+        return json.loads((folder / "summary.json").read_bytes())["campaign"] == loaded.name
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
 def _run(
     loaded: Campaign,
     workers: int | None,
     ray: str | None,
-    output: Path | None,
+    folder: Path,
     *,
     uses_cache: bool,
     trials: int | None,
@@ -119,9 +135,9 @@ def _run(
                 bar.update(task, completed=progress.done, rate=rate)
 
         if trials is not None:
-            return runs.run_search(loaded, trials, output, executor or runs.local_executor(loaded, workers), Display())
+            return runs.run_search(loaded, trials, folder, executor or runs.local_executor(loaded, workers), Display())
         return runs.run_campaign(
-            loaded, output, workers=workers, executor=executor, uses_cache=uses_cache, observer=Display()
+            loaded, folder, workers=workers, executor=executor, uses_cache=uses_cache, observer=Display()
         )
 
 
@@ -148,7 +164,7 @@ def _print(loaded: Campaign, outcome: Outcome) -> None:
         typer.echo(f"stopped; the same command continues with the {numbers['runs'] - numbers['rows']} other runs")
 
 
-def _replay(loaded: Campaign, number: int, output: Path | None) -> None:
+def _replay(loaded: Campaign, number: int, output: Path | None, *, is_forced: bool) -> None:
     from dataclasses import replace
 
     from autodrive.base.errors import AutodriveError
@@ -161,6 +177,7 @@ def _replay(loaded: Campaign, number: int, output: Path | None) -> None:
     if known is None and number >= len(loaded):
         raise AutodriveError(f"the campaign has the runs 0 to {len(loaded) - 1}, not {number}")
     path = folder / "recordings" / recording_name(number)
+    check_outputs(path, is_forced=is_forced)
     always = replace(loaded, spec=loaded.spec.model_copy(update={"record": "all"}))
     run = replace(known or loaded.run(number), recording=str(path))
     for name, value in {"seed": run.seed, **run.values}.items():

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import RecordingFile
+from autodrive.cli.options import Force, RecordingFile, check_outputs
 
 
 def film(
@@ -52,6 +52,7 @@ def film(
     quality: Annotated[
         str, typer.Option(metavar="NAME", help="Of the images: auto, software, software-fxaa, small or gpu.")
     ] = "auto",
+    force: Force = False,
 ) -> None:
     """Make a film of a recording, with any camera, by day or at night."""
     from rich.console import Console
@@ -64,6 +65,7 @@ def film(
     from autodrive.recording.film import film as make_film
     from autodrive.recording.replay.tape import Tape
 
+    check_outputs(output, is_forced=force)
     up = elevation if elevation is not None else 0.0 if camera == "Fly" else 30.0
     view = SetCamera(
         None,

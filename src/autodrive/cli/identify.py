@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import RecordingOrLog
+from autodrive.cli.options import Force, RecordingOrLog, check_end, check_outputs
 
 
 def identify(
@@ -34,6 +34,7 @@ def identify(
         float, typer.Option(metavar="S", min=0.5, help="The simulation starts again from the drive after this time.")
     ] = 2.0,
     threads: Annotated[int | None, typer.Option(metavar="N", min=1, help="[default: as many as processors]")] = None,
+    force: Force = False,
 ) -> None:
     """Fit parameters of a vehicle to a recorded drive; write the vehicle as a file, and a plot."""
     from autodrive.experiments.identification import identify as fit
@@ -42,8 +43,8 @@ def identify(
     output = output or Path(f"{Path(vehicle).stem}_fitted.yaml")
     picture = plot or output.with_suffix(".png")
     check_suffix(picture)
-    if output.suffix not in {".yaml", ".yml"}:
-        raise typer.BadParameter(f"a vehicle file must end in .yaml, not '{output.suffix}'")
+    check_end("--output", output, ".yaml", ".yml")
+    check_outputs(output, picture, is_forced=force)
     wanted = [one.strip() for one in free.split(",") if one.strip()]
     found = fit(file, vehicle, wanted, name=name, trials=trials, seed=seed, window=window, threads=threads)
     typer.echo(found.table())

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from autodrive.base.errors import AutodriveError
+from autodrive.cli.options import Force, check_outputs
 
 Start: TypeAlias = Literal["vehicle", "map", "scenario", "driver"]
 """What `new` can write."""
@@ -57,6 +57,7 @@ drive(step, nigel)
 def new(
     what: Annotated[Start, typer.Argument(help="What to write.")],
     name: Annotated[str, typer.Argument(help="Name of the file, without its end.")],
+    force: Force = False,
 ) -> None:
     """Write a commented start of your own vehicle, map, scenario or driver into this folder."""
     from autodrive.base.cache import write_file
@@ -64,8 +65,7 @@ def new(
 
     suffix, use = ("py", "python") if what == "driver" else ("yaml", "autodrive check")
     path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{suffix}")
-    if path.exists():
-        raise AutodriveError(f"the file exists; choose another name  ({path})")
+    check_outputs(path, is_forced=force)
     texts = {"map": MAP.format(name=path.stem), "scenario": SCENARIO.format(name=path.stem), "driver": DRIVER}
     write_file(path, texts.get(what) or find("vehicle", "nigel").read_text(encoding="utf-8"))
     typer.echo(f"wrote {path}. Next:  {use} {path}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
 
+from autodrive.base.errors import AutodriveError
 from autodrive.protocol.ports import PORT
 
 RecordingFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")]
@@ -41,6 +43,34 @@ Token: TypeAlias = Annotated[
 Browser: TypeAlias = Annotated[
     bool, typer.Option("--browser/--no-browser", help="Open the page in the browser if there is a display.")
 ]
+Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist, without a question.")]
+
+MOST_NAMES = 8
+"""Names of files in a message."""
+
+
+def check_end(option: str, file: Path | None, *ends: str) -> None:
+    """Raises `BadParameter` unless the name of a file has one of these ends, such as '.png'."""
+    if file is not None and file.suffix.lower() not in ends:
+        raise typer.BadParameter(f"{option} must end in {' or '.join(ends)}, not '{file.suffix}'")
+
+
+def check_outputs(*files: Path | None, is_forced: bool) -> None:
+    """Before a command writes files: ask whether it may replace those that exist; `is_forced`: it may.
+
+    Raises `AutodriveError` if the answer is no, or if nobody can be asked because there is no terminal.
+    """
+    existing = list(dict.fromkeys(file for file in files if file is not None and file.is_file()))  # not a device
+    if not existing or is_forced:
+        return
+    names = ", ".join(map(str, existing[:MOST_NAMES]))
+    if existing[MOST_NAMES:]:
+        names += f", and {len(existing) - MOST_NAMES} more"
+    those = "the files exist: replace them" if existing[1:] else "the file exists: replace it"
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise AutodriveError(f"{those} with --force, or choose another name  ({names})")
+    if not typer.confirm(f"{those}?  ({names})", err=True):
+        raise AutodriveError(f"nothing was written  ({names})")
 
 
 def results_folder(chosen: Path | None) -> Path:

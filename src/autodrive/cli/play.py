@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Headless, Noise, ResultsFolder, results_folder
+from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, results_folder
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def play(
             "examples/racing/follow_the_gap.py.  [default: the same policy]",
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Drive with a trained policy.
 
@@ -74,6 +75,7 @@ def play(
         "--lockstep": lockstep,
         "--noise": noise,
         "--output": output is not None,
+        "--force": force,
         "--headless": headless,
         "--port": port is not None,
         "--episodes": episodes is not None,
@@ -84,7 +86,7 @@ def play(
     chosen = None if is_team else Policy.find(policy)
     if is_team or (chosen is not None and chosen.task == Crossing.name):
         task = policy if is_team else Crossing.name
-        without = {"--output", *(() if is_team else ("a track",)), *(("--port",) if headless else ())}
+        without = {"--output", "--force", *(() if is_team else ("a track",)), *(("--port",) if headless else ())}
         if task == "crossing":
             without |= {"--laps", "--noise", "--rival"}
         elif track is not None and Path(track).suffix != ".npz":  # a network of the published task
@@ -119,7 +121,7 @@ def play(
             has_page=not headless,
             port=port,
         )
-        show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+        show_race(options, force, lambda stop, display: race(chosen, options, stop=stop, observer=display))
 
 
 def _refuse(given: Mapping[str, bool], names: Set[str], where: str) -> None:

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from autodrive.cli.narrated import narrated
-from autodrive.cli.options import Headless, Host, Noise, Port, Record, ResultsFolder, results_folder
+from autodrive.cli.options import (
+    Force,
+    Headless,
+    Host,
+    Noise,
+    Port,
+    Record,
+    ResultsFolder,
+    check_outputs,
+    results_folder,
+)
 from autodrive.cli.run import address
 from autodrive.cli.stopping import StopSignals
 
@@ -70,6 +80,7 @@ def race(
     headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
+    force: Force = False,
 ) -> None:
     """Run a race against one devkit script, or against several on one track.
 
@@ -99,15 +110,16 @@ def race(
         host=host,
         port=port,
     )
-    show_race(options, lambda stop, display: run_race(options, stop=stop, observer=display))
+    show_race(options, force, lambda stop, display: run_race(options, stop=stop, observer=display))
 
 
-def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
+def show_race(options: RaceOptions, is_forced: bool, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
     """Start a race, show its status until it has ended, and print the standings."""
     from autodrive.cli.status import StatusDisplay
     from autodrive.connect.bridge.script_process import close_all
     from autodrive.run.runner import StopRequest
 
+    check_outputs(*options.outputs, is_forced=is_forced)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
     stop = StopRequest()
     begun: list[Run] = []

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 from typer.core import TyperGroup
 
-from autodrive.cli.options import RecordingFile, RecordingOrLog
+from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, check_outputs
 from autodrive.protocol.devkit_profile import Side
 
 if TYPE_CHECKING:
@@ -80,18 +80,21 @@ def export(
     ] = None,
     start: Annotated[float | None, typer.Option(metavar="S", help="First time.  [default: the start]")] = None,
     end: Annotated[float | None, typer.Option(metavar="S", help="Last time.  [default: the end]")] = None,
+    force: Force = False,
 ) -> None:
     """Write a recording in a format of another program.
 
     csv: tables of all signals. autodrive: data recorder of AutoDRIVE. rosbag2, rosbag1: bags with the topics of the ROS
     bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning.
     """
-    from autodrive.recording.exports import FORMATS
+    from autodrive.recording.exports import FORMATS, default_path
     from autodrive.recording.exports import export as write
     from autodrive.recording.exports.options import ExportOptions
 
+    path = output or default_path(file, to)
+    check_outputs(path, is_forced=force)
     with _opened(file) as recording:
-        path = write(recording, to, output, ExportOptions(vehicle, rate, start, end))
+        write(recording, to, path, ExportOptions(vehicle, rate, start, end), replaces=True)
     typer.echo(f"wrote {FORMATS[to].title} to {path}")
 
 
@@ -101,11 +104,13 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG file.  [default: FILE.png]")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Draw signals of a recording over time."""
     from autodrive.recording.plot import plot as draw
 
     path = output or file.with_suffix(".png")
+    check_outputs(path, is_forced=force)
     with _opened(file) as recording:
         draw(recording, [name.strip() for name in signals.split(",") if name.strip()], path)
     typer.echo(f"wrote {path}")
@@ -127,6 +132,7 @@ def compare(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Draw paths and errors as PNG or SVG file.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
     from autodrive.recording.exports.comparison import compare_log, compare_recording
@@ -135,6 +141,7 @@ def compare(
 
     if output is not None:
         check_suffix(output)
+        check_outputs(output, is_forced=force)
     if file.suffix.lower() == ".csv":
         if vehicle:
             raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")

@@ -13,7 +13,7 @@ import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.narrated import narrated
-from autodrive.cli.options import Browser, Headless, Host, Port, Record, Token
+from autodrive.cli.options import Browser, Force, Headless, Host, Port, Record, Token, check_outputs
 from autodrive.cli.stopping import StopSignals
 from autodrive.cli.weather import environment
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
@@ -137,12 +137,15 @@ def run(
     image_quality: Annotated[
         int, typer.Option(min=1, max=100, help="JPEG quality of the images for the devkit script.")
     ] = 75,
+    force: Force = False,
 ) -> None:
     """Run a scenario until its duration is over, or until Ctrl-C."""
     if record_last is not None and record is None:
         raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
+    # with --record-last the names of the files have numbers that no file has
+    check_outputs(summary, None if record_last else record, is_forced=force)
     options = _options_type()(
         scenario=scenario,
         mode=mode,

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from autodrive.base.errors import AutodriveError
+from autodrive.cli.options import Force, check_end, check_outputs
+
 if TYPE_CHECKING:
     from autodrive.scenario.tracks.track import BarrierSpec, Track
 
@@ -29,7 +32,8 @@ def import_track(
     path: Annotated[
         Path,
         typer.Argument(
-            help="Folder of f1tenth_racetracks, YAML file of the ROS map_server, or CSV file of a centre line."
+            help="Folder of f1tenth_racetracks, YAML file of the ROS map_server, its picture, or CSV file of a centre "
+            "line."
         ),
     ],
     output: Output = None,
@@ -43,16 +47,29 @@ def import_track(
     width: Annotated[
         float | None, typer.Option(metavar="M", help="Width, for a centre line without widths [m].", min=0.1, max=100)
     ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Edge of a pixel [m], of a picture without a YAML file.", min=0.0001, max=10),
+    ] = None,
     start: Annotated[str | None, typer.Option(metavar="X,Y", help="A point near the start line [m].")] = None,
     reverse: Annotated[bool, typer.Option("--reverse", help="Drive in the other direction.")] = False,
     barrier: Barrier = "wall",
     gap: DuctGap = 0.0,
     duct_length: DuctLength = 3.0,
     race_line: RaceLine = False,
+    force: Force = False,
 ) -> None:
     """Import a race track: walls, centre line and race line, with checks."""
     from autodrive.scenario.tracks import importer
 
+    check_end("--output", output, ".yaml", ".yml")
+    sources = importer.find_sources(path)
+    file = output or Path(f"{name or sources.name}.yaml")
+    if any(file.exists() and file.samefile(source) for source in sources.files):
+        raise AutodriveError(
+            f"the track would replace the file that it is made from: choose another --output  ({file})"
+        )
+    check_outputs(file, is_forced=force)
     options = importer.ImportOptions(
         name=name,
         tolerance=tolerance,
@@ -61,12 +78,13 @@ def import_track(
         barrier=_barrier(barrier, gap, duct_length),
         start=_pair(start, ",", "--start", "X,Y such as 1.5,-2") if start else None,
         is_reversed=reverse,
+        resolution=resolution,
     )
     track, warnings = importer.import_track(path, options)
     for warning in warnings:
         typer.echo(f"autodrive: warning: {warning}", err=True)
     pieces = sum(map(len, track.walls))
-    _save(track, output, f", {len(track.walls)} walls of {pieces} pieces", has_race_line=race_line)
+    _save(track, file, f", {len(track.walls)} walls of {pieces} pieces", has_race_line=race_line)
 
 
 @exporting.command("track")
@@ -76,13 +94,16 @@ def export_track(
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.  [default: NAME]")
     ] = None,
     resolution: Annotated[float, typer.Option(metavar="M", help="Edge of a pixel [m].", min=0.001, max=1)] = 0.05,
+    force: Force = False,
 ) -> None:
     """Write a track as in f1tenth_racetracks: NAME_map.yaml, NAME_map.png, NAME_centerline.csv, NAME_raceline.csv."""
     from autodrive.scenario.tracks import importer
     from autodrive.scenario.tracks.track import Track
 
     track = Track.load(name)
-    for path in importer.export_track(track, folder or Path(track.name), resolution=resolution):
+    folder = folder or Path(track.name)
+    check_outputs(*importer.export_files(track, folder), is_forced=force)
+    for path in importer.export_track(track, folder, resolution=resolution):
         typer.echo(f"wrote {path}")
 
 
@@ -100,10 +121,12 @@ def generate_track(
     duct_length: DuctLength = 3.0,
     race_line: RaceLine = False,
     output: Output = None,
+    force: Force = False,
 ) -> None:
     """Make a random closed track."""
     from autodrive.scenario.tracks import generate
 
+    check_end("--output", output, ".yaml", ".yml")
     track = generate.generate_track(
         seed,
         length=length,
@@ -113,15 +136,16 @@ def generate_track(
         barrier=_barrier(barrier, gap, duct_length),
         name=output.stem if output else "",
     )
-    _save(track, output, has_race_line=race_line)
+    file = output or Path(f"{track.name}.yaml")
+    check_outputs(file, is_forced=force)
+    _save(track, file, has_race_line=race_line)
 
 
-def _save(track: Track, output: Path | None, walls: str = "", *, has_race_line: bool) -> None:
+def _save(track: Track, file: Path, walls: str = "", *, has_race_line: bool) -> None:
     from autodrive.scenario.tracks.race_line import with_race_line
 
     if has_race_line and track.race_line is None:
         track = with_race_line(track)
-    file = output or Path(f"{track.name}.yaml")
     track.save(file)
     typer.echo(f"wrote {file}: {track.length:.1f} m{walls}. Next:\n  autodrive show {file}")
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from autodrive.base.cache import make_folder, write_file
+from autodrive.cli.options import Force, check_outputs
 
 
 def urdf(
@@ -18,6 +19,7 @@ def urdf(
             help="Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""
     from autodrive.base.yaml_files import names as names_of
@@ -26,6 +28,7 @@ def urdf(
 
     described = [description(load_vehicle(name), Path(name).stem) for name in names or names_of("vehicle")]
     files = {path: content for one in described for path, content in one.items()}
+    check_outputs(*(output / path for path in files), is_forced=force)
     for path, content in files.items():
         make_folder((output / path).parent)
         write_file(output / path, content)

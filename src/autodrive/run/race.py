@@ -42,7 +42,7 @@ from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
 from autodrive.world.compile import on_grid
-from autodrive.world.racing.results import RaceRecorder, RaceResult, write_results
+from autodrive.world.racing.results import RESULT_FILES, RaceRecorder, RaceResult, write_results
 from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -111,6 +111,13 @@ class RaceOptions(PageOptions):
         """One for each vehicle."""
         own = [*(f"{host}:{port}" for host, port in self.devkits), *self.scripts]
         return [*self.teams, *own[len(self.teams) :]]
+
+    @property
+    def outputs(self) -> list[Path]:
+        """The files that the race writes."""
+        logs = [f"{name}.log" for name in self.names[len(self.devkits) :]]
+        results = [] if self.output is None else [self.output / name for name in (*RESULT_FILES, *logs)]
+        return results if self.record is None else [*results, self.record]
 
     def scenario(self) -> ScenarioSpec:
         """The scenario of the race; vehicles start on the grid of the track. Raises `SpecError`."""

@@ -394,11 +394,11 @@ def test_the_command_plays_in_a_race_and_as_a_devkit_script(tmp_path: Path) -> N
         if policy != name:
             (tmp_path / name).mkdir()
             Policy.find("race").save(tmp_path / policy)
-        arguments = ("play", policy, "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
+        arguments = ("play", policy, "practice", "--laps", "1", "--lockstep", "--headless", "-o", name)
         done = call(*arguments, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert f"| 1 | {name} |" in done.stdout
-    played = json.loads((tmp_path / "result" / "result.json").read_text())
+    played = json.loads((tmp_path / name / "result.json").read_text())
     with Server(responder(Policy.find("race")), port=0) as server:
         options = RaceOptions("practice", (("127.0.0.1", server.port),), rules="practice", laps=1)
         raced = race(replace(options, is_lockstep=True, has_page=False))

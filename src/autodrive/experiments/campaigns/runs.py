@@ -69,6 +69,10 @@ class Outcome:
         return self.folder / "report.html"
 
 
+RESULT_FILES = ("table.parquet", "summary.json", "report.html")
+"""Of a campaign, in its folder, once it has ended."""
+
+
 def run_campaign(
     campaign: Campaign,
     output: str | Path | None = None,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
-import shutil
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from autodrive.base.cache import make_folder
+from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.base.suggest import suggest
 from autodrive.recording import Recording, RecordingError
@@ -40,20 +40,29 @@ FORMATS = {
 """By name."""
 
 
+def default_path(recording: Path, name: str) -> Path:
+    """The file or folder of an export in that format, beside the recording."""
+    return recording.with_name(f"{recording.stem}_{name}{FORMATS[name].suffix}")
+
+
 def export(
-    recording: Recording, name: str, path: str | Path | None = None, options: ExportOptions | None = None
+    recording: Recording,
+    name: str,
+    path: str | Path | None = None,
+    options: ExportOptions | None = None,
+    *,
+    replaces: bool = False,
 ) -> Path:
     """Write a recording in a format; the file or folder that was written, by default beside the recording.
 
-    Raises `RecordingError` if it exists, if a package is not installed, if the recording lacks what is needed, or if it
-    cannot be written; nothing is left then.
+    `replaces`: a file that exists is replaced; a folder never is. Raises `RecordingError` if it exists, if a package is
+    not installed, if the recording lacks what is needed, or if it cannot be written; nothing has changed then.
     """
     if name not in FORMATS:
         raise RecordingError(f"format '{name}' is not known. {suggest(name, [*FORMATS])}")
     form = FORMATS[name]
-    own = recording.path.with_name(f"{recording.path.stem}_{name}{form.suffix}")
-    target = own if path is None else Path(path)
-    if target.exists():
+    target = default_path(recording.path, name) if path is None else Path(path)
+    if target.exists() and not (replaces and form.suffix and target.is_file()):
         raise RecordingError(
             f"the export would replace something that exists: remove it, or choose another path  ({target})"
         )
@@ -64,16 +73,15 @@ def export(
         if not form.extra or (error.name or "").startswith("autodrive"):
             raise
         raise RecordingError(missing(error.name or "a package", form.extra)) from None
+    folder = str(target.parent)
     try:
-        write(recording, target, options or ExportOptions(), name)
-    except BaseException as error:
-        if target.is_dir():
-            shutil.rmtree(target, ignore_errors=True)
-        else:
-            with contextlib.suppress(OSError):  # the file system may be read-only
-                target.unlink(missing_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".autodrive-", ignore_cleanup_errors=True) as folder:
+            part = Path(folder, target.name)  # of the same name, because files in a folder contain it
+            write(recording, part, options or ExportOptions(), name)
+            part.replace(target)
+    except (OSError, AutodriveError) as error:
+        text = str(error)
         if isinstance(error, OSError):
-            file = error.filename if isinstance(error.filename, str) else target
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({file})") from None
-        raise
+            text = f"cannot write: {error.strerror or error}  ({error.filename or target})"
+        raise RecordingError(text.replace(folder, str(target.parent))) from None
     return target

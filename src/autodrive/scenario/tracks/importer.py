@@ -20,7 +20,7 @@ from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.areas import track_area
 from autodrive.scenario.tracks.line import closed_line
 from autodrive.scenario.tracks.middle_line import SPACING, inner_wall, middle_line
-from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, ros_map_of, write_ros_map
+from autodrive.scenario.tracks.ros_map import RosMap, read_picture, read_ros_map, ros_map_of, write_ros_map
 from autodrive.scenario.tracks.shape import crossings, edges_of, heading, simplified, steps, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
 from autodrive.scenario.tracks.track import MAX_POINTS, MAX_WALLS, POINT_GAP, BarrierSpec, Track
@@ -50,6 +50,8 @@ class ImportOptions:
     """A point near the start line [m]; left out: the first point of the centre line."""
     is_reversed: bool = False
     """True: the track is driven in the other direction."""
+    resolution: float | None = None
+    """Edge of a pixel [m], of a picture without the YAML file of map_server."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,14 @@ class Sources:
     map: Path | None = None
     centre_line: Path | None = None
     race_line: Path | None = None
+    picture: Path | None = None
+    """Instead of all others."""
+
+    @property
+    def files(self) -> list[Path]:
+        """Those that there are."""
+        files = (self.map, self.centre_line, self.race_line, self.picture)
+        return [file for file in files if file is not None]
 
 
 def find_sources(path: Path) -> Sources:
@@ -89,8 +99,11 @@ def find_sources(path: Path) -> Sources:
         return Sources(path.stem.removesuffix("_map"), map=path)
     if path.suffix.lower() in {".csv", ".txt"}:
         return Sources(path.stem.removesuffix("_centerline"), centre_line=path)
+    if path.suffix.lower() in {".png", ".pgm"}:
+        return Sources(path.stem.removesuffix("_map"), picture=path)
     text = (
-        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, or a .csv file of a centre line"
+        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, its picture "
+        "(.png, .pgm) with the resolution, or a .csv file of a centre line"
     )
     raise SpecError([text])
 
@@ -100,7 +113,11 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
     options = options or ImportOptions()
     sources = find_sources(path)
     warnings: list[str] = []
+    if options.resolution is not None and sources.picture is None:
+        raise SpecError(["the resolution is for a picture without a YAML file; this track states its own"], str(path))
     ros_map = read_ros_map(sources.map) if sources.map else None
+    if sources.picture:
+        ros_map = read_picture(sources.picture, options.resolution)
     rows: Floats | None = None
     if sources.centre_line:
         rows = _cleaned(read_centre_line(sources.centre_line, options.width, warnings), sources.centre_line, warnings)
@@ -162,20 +179,22 @@ def _track(
     return track
 
 
-def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> list[Path]:
-    """Write NAME_map.yaml, NAME_map.png, NAME_centerline.csv and, if the track has one, NAME_raceline.csv.
+def export_files(track: Track, folder: Path) -> list[Path]:
+    """NAME_map.png, NAME_map.yaml, NAME_centerline.csv and, if the track has one, NAME_raceline.csv."""
+    ends = ["map.png", "map.yaml", "centerline.csv", *([] if track.race_line is None else ["raceline.csv"])]
+    return [folder / f"{track.name}_{end}" for end in ends]
 
-    In the map, the gaps between ducts are closed.
-    """
+
+def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> list[Path]:
+    """Write the files `export_files`, and return them; in the map, the gaps between ducts are closed."""
     make_folder(folder)
+    files = export_files(track, folder)
     solid, free = solid_and_free(track, resolution)
-    paths = [write_ros_map(folder, track.name, solid, free, resolution=resolution)]
-    paths.append(folder / f"{track.name}_centerline.csv")
-    write_centre_line(paths[-1], track.centre_line)
+    write_ros_map(folder, track.name, solid, free, resolution=resolution)
+    write_centre_line(files[2], track.centre_line)
     if track.race_line is not None:
-        paths.append(folder / f"{track.name}_raceline.csv")
-        write_race_line(paths[-1], track.race_line)
-    return paths
+        write_race_line(files[3], track.race_line)
+    return files
 
 
 def solid_and_free(track: Track, resolution: float) -> tuple[BaseGeometry, BaseGeometry]:

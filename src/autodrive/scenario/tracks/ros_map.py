@@ -97,6 +97,31 @@ def read_ros_map(path: Path) -> RosMap:
     return _ros_map(spec, read_grey(image), warning)
 
 
+LACKING_SHEET = """the picture does not state its scale: write these lines as {sheet} and import that file,
+  image: {image}
+  resolution: 0.05       # edge of a pixel [m]
+  origin: [0, 0, 0]      # x [m], y [m], yaw [rad] of the lower left corner
+  negate: 0              # 1: white is occupied
+  occupied_thresh: 0.65  # darker pixels are walls
+  free_thresh: 0.196     # brighter pixels are free
+or give the edge of a pixel in metres, such as --resolution 0.05"""
+"""Error of a picture without its YAML file."""
+
+
+def read_picture(path: Path, resolution: float | None) -> RosMap:
+    """The map of a picture without a YAML file, whose lower left corner is the origin; `resolution`: in `RosMapSpec`.
+
+    Raises `SpecError`, also without a resolution.
+    """
+    sheet = path.with_suffix(".yaml")
+    if resolution is None and sheet.is_file():
+        raise SpecError([f"the picture does not state its scale: import '{sheet.name}', which is beside it"], str(path))
+    if resolution is None:
+        raise SpecError([LACKING_SHEET.format(image=path.name, sheet=sheet.name)], str(path))
+    spec = RosMapSpec(image=path.name, resolution=resolution, origin=(0.0, 0.0))
+    return RosMap(spec, _occupancy(spec, read_grey(path)))
+
+
 def ros_map_of(text: str, picture: bytes) -> RosMap:
     """The map of the text of a YAML file and the bytes of its image, see `grey_of`. Raises `SpecError`."""
     spec = _spec(yaml_files.Source(text, "the YAML file of the picture"))

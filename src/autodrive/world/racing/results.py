@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -213,16 +212,15 @@ def _standing(name: str, team: str, state: RaceState, record: _Record) -> Standi
     )
 
 
+RESULT_FILES = ("result.json", "result.md", "laps.csv", "lines.png")
+"""What `write_results` writes."""
+
+
 def write_results(folder: Path, result: RaceResult, recorder: RaceRecorder, track: Track) -> None:
-    """Write result.json, result.md, laps.csv and lines.png to a folder."""
+    """Write `RESULT_FILES` to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    files: dict[str, Any] = {
-        "result.json": result.to_json(),
-        "result.md": result.to_markdown(),
-        "laps.csv": result.laps_csv(),
-        "lines.png": driven_lines(track, recorder.driven()),
-    }
-    for name, content in files.items():
+    contents = result.to_json(), result.to_markdown(), result.laps_csv(), driven_lines(track, recorder.driven())
+    for name, content in zip(RESULT_FILES, contents, strict=True):
         write_file(folder / name, content)
 
 
