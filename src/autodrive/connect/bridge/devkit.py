@@ -22,7 +22,7 @@ from websockets.frames import Frame as WebSocketFrame
 from websockets.protocol import Event
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.tcp_options import drop_dead_peer
+from autodrive.base.tcp import address_text, drop_dead_peer, without_brackets
 from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import ConnectionEnd
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
@@ -292,11 +292,12 @@ def _avoid_brackets_in_masks(connection: ClientConnection) -> None:
 
 
 def _checked_address(host: str, port: int) -> str:
+    host = without_brackets(host)
     if not _is_host(host):
         raise AutodriveError(f"devkit host {host[:80]!r} is not a host name or IP address, for example '127.0.0.1'")
     if not 0 < port < 65536:
         raise AutodriveError(f"devkit port {port} is not between 1 and 65535; the default is {DEVKIT_PORT}")
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    return address_text(host, port)
 
 
 def _is_host(host: str) -> bool:
