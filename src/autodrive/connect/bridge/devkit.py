@@ -60,7 +60,8 @@ class DevkitBridge:
     commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
     unless a message would be too long. `image_sizes()` gives the sizes of all cameras; a camera without an image is
     black. At most one message is sent per tick, and one waits for a command at a time, so a slow script receives the
-    latest state instead of a backlog. Telemetry that is not answered is resent after `resend_delay` [s]. Raises
+    latest state instead of a backlog. As in the original simulator, its last command is valid until the next one; it
+    times out when the connection has ended. Telemetry that is not answered is resent after `resend_delay` [s]. Raises
     `AutodriveError` for an invalid address.
     """
 
@@ -148,7 +149,10 @@ class DevkitBridge:
     def publish(self, frame: Frame) -> None:
         """Process a new Frame; called in the thread of the simulation."""
         session, loop = self._session, self._loop
-        if session is not None and loop is not None and session.awaits_frame:
+        if session is None or loop is None:
+            return
+        session.renew_commands()
+        if session.awaits_frame:
             session.awaits_frame = False
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(session.wake.set)
