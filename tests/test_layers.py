@@ -25,7 +25,7 @@ REAL_TIME = {
     "base/child_process.py",
     "base/compile_ahead.py",
     "base/installation.py",
-    "base/tcp_options.py",
+    "base/tcp.py",
     "graphics/cameras/jpeg.py",
     "graphics/cameras/process_cameras.py",
     "graphics/cameras/render_process.py",

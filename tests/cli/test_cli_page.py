@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -219,6 +220,28 @@ def test_a_requested_port_in_use_is_an_error(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         assert f"port {port} of 127.0.0.1 is in use" in refused("run", "plane", "--port", str(port))
+
+
+@pytest.mark.parametrize(
+    ("host", "tunnelled"),
+    [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", ""), ("0.0.0.0", ""), ("127.0.0.2", "127.0.0.2")],
+)
+def test_the_link_of_each_address_leads_to_the_simulator(host: str, tunnelled: str) -> None:
+    run = ThreadedRun(RunOptions("plane", host=host))
+    try:
+        with viewer(run.link):
+            pass
+        port = urlsplit(run.link).port
+        if host == "::":  # all interfaces, also those of IPv4
+            token = parse_qs(urlsplit(run.link).query)["token"][0]
+            for address in ("127.0.0.1", "[::1]"):
+                with viewer(f"http://{address}:{port}/?token={token}"):
+                    pass
+        with mock.patch.dict(os.environ, {"LOGNAME": "ada", "SSH_CONNECTION": "10.0.0.7 50000 10.0.0.9 22"}):
+            expected = f"ssh -N -L {port}:{tunnelled}:{port} ada@10.0.0.9" if tunnelled else ""
+            assert tunnel(run.link) == expected
+    finally:
+        run.end()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -107,6 +108,23 @@ def test_imports_are_narrated(capsys: pytest.CaptureFixture[str], monkeypatch: p
 
     with narrated("starting"):
         wait_until(has_said_twice)
+
+
+@pytest.mark.parametrize(
+    ("link", "address"),
+    [
+        ("http://127.0.0.1:8730/", ""),
+        ("http://127.0.0.1:8731/", "127.0.0.1:8731"),
+        ("http://[::1]:8730/", "[::1]:8730"),
+        ("http://192.0.2.7:8730/?token=0123456789abcdef", "http://192.0.2.7:8730/?token=0123456789abcdef"),
+    ],
+)
+def test_a_run_prints_the_address_that_clients_need(link: str, address: str) -> None:
+    console = Console(file=io.StringIO(), width=200)
+    StatusDisplay("loading the world", "running", opens_browser=False, console=console).serving(link)
+    assert isinstance(console.file, io.StringIO)
+    found = re.search(r"clients need this address:  autodrive\.Client\('(.*)'\)", console.file.getvalue())
+    assert (found[1] if found else "") == address
 
 
 def test_without_a_terminal_the_compilation_prints_counts_every_5_s() -> None:

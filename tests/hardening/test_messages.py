@@ -32,7 +32,7 @@ from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import Served
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.messages import Command, Frame, Operation
-from autodrive.protocol.native import Source
+from autodrive.protocol.native import RunOrigin, Source
 from autodrive.run.own_files import UserFiles
 from autodrive.world import World
 from tests.support.hardening import cases, memory
@@ -317,7 +317,7 @@ def test_mutated_messages_of_native_clients(
             renderer_factory=no_renderer,
             own_files=UserFiles(tmp_path / "own"),
         )
-        hub = Hub(served)
+        hub = Hub(served, RunOrigin("0", "user", 0.0))
         scope = {"subprotocols": ["autodrive.v2"]}
         async with hub:
             for number in range(clients):

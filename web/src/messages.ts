@@ -817,9 +817,21 @@ export interface Starting {
 }
 
 /**
+ * The run that a simulator belongs to.
+ *
+ * `id`: random; no other run has it. `user`: login name of who started it. `started`: when, in seconds since 1970 UTC.
+ */
+export interface RunOrigin {
+  id: string
+  user: string
+  started: number
+}
+
+/**
  * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
  *
- * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
+ * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
+ * simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -828,6 +840,8 @@ export interface Welcome {
   name: string
   scenarios: Record<string, string>
   folder: string
+  run: RunOrigin | null
+  title: string
 }
 
 /**

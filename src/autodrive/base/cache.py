@@ -124,7 +124,7 @@ def cache_folder(kind: str, *packages: str, also: str = "") -> Path:
         for path in sorted((PACKAGE / package).rglob("*.py")):
             status = path.stat()
             stamp.update(f"{path.relative_to(PACKAGE)} {status.st_size} {status.st_mtime_ns}".encode())
-    return _root() / "autodrive" / f"{kind}-{stamp.hexdigest()[:16]}"
+    return user_cache() / f"{kind}-{stamp.hexdigest()[:16]}"
 
 
 def sources(file: Path, *, is_own: bool = False) -> list[Path]:
@@ -175,13 +175,16 @@ _CHECKSUM_SIZE = hashlib.sha256().digest_size
 """[bytes]."""
 
 
-def _root() -> Path:
+def user_cache() -> Path:
+    """Folder of this program for what the user can delete at any time. It may be missing, or not writable."""
     try:
         home = Path.home()
     except RuntimeError:  # the user has neither HOME nor an entry in the user database
         home = Path(os.devnull)  # no folder can be made there
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return home / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+        caches = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        caches = home / "Library" / "Caches"
+    else:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return caches / "autodrive"

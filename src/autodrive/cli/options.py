@@ -10,7 +10,7 @@ from typing import Annotated, TypeAlias
 import typer
 
 from autodrive.base.errors import AutodriveError
-from autodrive.protocol.ports import PORT
+from autodrive.protocol.ports import PORT, PORT_VARIABLE
 
 RecordingFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")]
 RecordingOrLog: TypeAlias = Annotated[
@@ -30,11 +30,13 @@ Headless: TypeAlias = Annotated[
     bool, typer.Option("--headless", help="Do not serve the page; only print what goes on.")
 ]
 Host: TypeAlias = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0: all interfaces.")
+    str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0 or :: means all interfaces.")
 ]
 Port: TypeAlias = Annotated[
     int | None,
-    typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
+    typer.Option(
+        min=0, max=65535, help=f"Port of the page.  [default: ${PORT_VARIABLE}, else {PORT} or the next free one]"
+    ),
 ]
 Token: TypeAlias = Annotated[
     str | None,

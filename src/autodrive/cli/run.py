@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
+from autodrive.base.tcp import without_brackets
 from autodrive.cli.narrated import narrated
 from autodrive.cli.options import Browser, Force, Headless, Host, Port, Record, Token, check_outputs
 from autodrive.cli.stopping import StopSignals
@@ -266,4 +267,4 @@ def address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not (port.isdecimal() and 0 < int(port) < 65536):
         raise typer.BadParameter(f"--devkit must be HOST:PORT, for example 127.0.0.1:{DEVKIT_PORT}, not '{text}'")
-    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+    return without_brackets(host) or "127.0.0.1", int(port)

@@ -7,11 +7,13 @@ import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 import typer
 from rich.console import Console
 
 from autodrive.cli.narrated import SILENCE
+from autodrive.protocol.ports import PORT
 from autodrive.run.browser import has_screen, open_page, tunnel
 from autodrive.run.runner import COMPILED_FUNCTIONS, Run, RunObserver
 
@@ -99,6 +101,8 @@ class StatusDisplay(RunObserver):
         self.console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
         if command := tunnel(link):
             self.console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+        if note := _note_for_clients(link):
+            self.console.print(note, soft_wrap=True)
 
     def decided(self, result: RaceResult) -> None:  # noqa: D102
         self._on_result(result)
@@ -109,6 +113,15 @@ class StatusDisplay(RunObserver):
             self._line.update(run.status())
         elif self._calls % CALLS_PER_LOG_LINE == 0:
             self.console.print(run.status(), soft_wrap=True)
+
+
+def _note_for_clients(link: str) -> str:
+    """The address that clients need; empty if it is the default one."""
+    parts = urlsplit(link)
+    if (parts.port, parts.query) == (PORT, "") and parts.hostname == "127.0.0.1":
+        return ""
+    address = link if parts.query else parts.netloc
+    return f"clients need this address:  autodrive.Client({address!r})  (none if they start in this folder)"
 
 
 def print_summary(summary: Summary) -> None:

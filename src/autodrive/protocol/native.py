@@ -199,10 +199,22 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
     share: float | None = None
 
 
+class RunOrigin(msgspec.Struct, frozen=True):
+    """The run that a simulator belongs to.
+
+    `id`: random; no other run has it. `user`: login name of who started it. `started`: when, in seconds since 1970 UTC.
+    """
+
+    id: str
+    user: str
+    started: float
+
+
 class Welcome(msgspec.Struct, frozen=True, tag=True):
     """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
 
-    `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
+    `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
+    simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
     """
 
     protocol: int
@@ -211,6 +223,8 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     scenarios: dict[str, str]
     """Name -> title."""
     folder: str = ""
+    run: RunOrigin | None = None
+    title: str = ""
 
 
 class Lamp(msgspec.Struct, frozen=True):

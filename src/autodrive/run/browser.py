@@ -10,6 +10,10 @@ import threading
 import webbrowser
 from urllib.parse import urlsplit
 
+from autodrive.base.tcp import address_text
+from autodrive.connect.server.access import is_loopback
+from autodrive.protocol.ports import PORT
+
 
 def has_screen() -> bool:
     """Whether this session has a display on this machine."""
@@ -33,10 +37,12 @@ def open_page(link: str) -> bool:
 def tunnel(link: str) -> str:
     """The ssh command that forwards the port of the page to the user's machine; empty outside an ssh session."""
     address = urlsplit(link)
-    if "SSH_CONNECTION" not in os.environ or address.hostname not in {"127.0.0.1", "localhost"}:
+    host = address.hostname or ""
+    if "SSH_CONNECTION" not in os.environ or not is_loopback(host):
         return ""
-    server_address = os.environ["SSH_CONNECTION"].split()[2]
-    return f"ssh -N -L {address.port}:127.0.0.1:{address.port} {_user()}@{server_address or socket.gethostname()}"
+    server_address = os.environ["SSH_CONNECTION"].split()[2] or socket.gethostname()
+    page = address_text(host, address.port or PORT)
+    return f"ssh -N -L {address.port}:{page} {_user()}@{server_address}"
 
 
 def _user() -> str:

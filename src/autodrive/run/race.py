@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.tcp import address_text
 from autodrive.base.version import __version__
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
@@ -109,7 +110,7 @@ class RaceOptions(PageOptions):
     @property
     def team_names(self) -> list[str]:
         """One for each vehicle."""
-        own = [*(f"{host}:{port}" for host, port in self.devkits), *self.scripts]
+        own = [*(address_text(host, port) for host, port in self.devkits), *self.scripts]
         return [*self.teams, *own[len(self.teams) :]]
 
     @property

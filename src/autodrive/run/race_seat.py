@@ -58,6 +58,10 @@ class Seat(OneVehicle):
             self._look_for_repeats(command)
         super().submit(vehicle, command)
 
+    def renew(self, vehicle: str, command: Command) -> None:
+        """Drive on with the last command."""
+        self._simulation.renew(self.vehicle, command)
+
     def _look_for_repeats(self, command: Command) -> None:
         if (command.throttle, command.steering) == (self.command.throttle, self.command.steering):
             self._ticks += 1

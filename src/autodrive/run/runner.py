@@ -14,6 +14,7 @@ from autodrive.base.cache import check_writable, write_file
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.client.last_run import NotedRun
 from autodrive.connect.server.files import built_page
 from autodrive.protocol.native import Starting
 from autodrive.protocol.ports import DEVKIT_PORT
@@ -182,10 +183,12 @@ def opened(
     """
     loader = WorldLoader(options)
     server = _page_server(options) if options.has_page else None
+    note = stack.enter_context(NotedRun(server.origin)) if server is not None else None
 
     def begin_to_serve() -> None:
-        if server is not None:
+        if server is not None and note is not None:
             stack.enter_context(server)
+            note.write(server.address)
             observer.serving(server.url)
 
     with compiling(_told(observer, server)):

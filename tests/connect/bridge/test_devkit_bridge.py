@@ -25,7 +25,20 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import DevkitSettings, Side
-from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Operation, Pause, Reset, SetDrivingMode
+from autodrive.protocol.messages import (
+    CameraImage,
+    CameraIntrinsics,
+    Command,
+    Operation,
+    Pause,
+    Reset,
+    Resume,
+    SetDrivingMode,
+    SetSceneLight,
+    Step,
+)
+from autodrive.run.race_seat import Seat
+from autodrive.scenario.race_rules import load_rules
 from autodrive.world import World
 from autodrive.world.simulation.control import Control, Publisher
 from tests.connect.bridge.conftest import Resets, peer
@@ -97,6 +110,80 @@ def test_the_raw_dialect_drives_the_car(simulation: Simulation) -> None:
         assert bridge.counters.profile == "2023"
         assert bridge.counters.resends == bridge.counters.bad_packets == 0
     assert bridge.status == "closed"
+
+
+class Slow:
+    """A script that answers the first message, and the next ones only while `go_on` is set; `hang_up` ends it."""
+
+    def __init__(self) -> None:
+        self.go_on, self.hang_up = threading.Event(), threading.Event()
+        self.answers = 0
+
+    def __call__(self, connection: ServerConnection) -> None:
+        for _ in telemetry_in(connection):  # it is sent again while it is not answered
+            if self.hang_up.is_set():
+                return
+            if self.answers == 0 or self.go_on.is_set():
+                self.answers += 1
+                connection.send(packet(FULL_THROTTLE))
+
+
+def throttle_after(simulation: Simulation, ticks: int) -> float:
+    """Throttle that V1 obeys after so many more ticks."""
+    end = simulation.ticks + ticks
+    wait_until(lambda: simulation.ticks >= end)
+    return simulation.frame.vehicles["V1"].throttle
+
+
+TIMEOUT = 60
+"""More ticks than a command of a client is valid: 0.5 s."""
+
+
+@pytest.mark.parametrize("is_race", [False, True])
+def test_the_last_command_of_a_slow_script_is_valid_until_the_connection_ends(
+    simulation: Simulation, is_race: bool
+) -> None:
+    script = Slow()
+    control: Control = simulation
+    if is_race:
+        control = Seat(simulation, "V1", load_rules("practice"))
+        simulation.add_sink(control)
+    with bridged(control, script, resend_delay=0.02) as bridge:
+        wait_until(lambda: bridge.counters.commands_received)
+        assert throttle_after(simulation, TIMEOUT) == 1.0
+        assert bridge.counters.commands_received == 1
+        simulation.submit("V1", Command(0.5, 0.1))  # of another script, which has a time limit
+        wait_until(lambda: simulation.frame.vehicles["V1"].throttle == 0.5)
+        assert throttle_after(simulation, TIMEOUT) == 0.0
+        script.go_on.set()
+        wait_until(lambda: simulation.frame.vehicles["V1"].throttle == 1.0)
+        script.go_on.clear()
+        assert throttle_after(simulation, TIMEOUT) == 1.0
+        script.hang_up.set()
+        wait_until(lambda: bridge.status != "connected")
+        assert throttle_after(simulation, TIMEOUT) == 0.0
+
+
+@pytest.mark.parametrize(
+    "operations",
+    [
+        [Reset()],
+        [SetDrivingMode("V1", False), SetDrivingMode("V1", True)],
+        [Pause(), Step(1, {"V1": Command(0.1)}), Resume()],
+    ],
+)
+def test_an_operation_of_the_user_ends_the_last_command_of_a_slow_script(
+    simulation: Simulation, operations: list[Operation]
+) -> None:
+    with bridged(simulation, Slow(), resend_delay=0.02) as bridge:
+        wait_until(lambda: bridge.counters.commands_received)
+        assert throttle_after(simulation, 5) == 1.0
+        simulation.request(SetSceneLight(False)).result()  # changes nothing about it
+        assert throttle_after(simulation, TIMEOUT) == 1.0
+        for operation in operations:
+            simulation.request(operation).result()
+        simulation.request(SetDrivingMode("V1", True)).result()
+        assert throttle_after(simulation, TIMEOUT) == 0.0
 
 
 def test_a_fast_server_gets_one_telemetry_a_tick_and_no_more(simulation: Simulation) -> None:
@@ -531,6 +618,9 @@ class Shown(Publisher):
         self._publish(frame)
 
     def submit(self, vehicle: str, command: Command) -> None:
+        """Ignore it."""
+
+    def renew(self, vehicle: str, command: Command) -> None:
         """Ignore it."""
 
     def request(self, request: Operation) -> None:

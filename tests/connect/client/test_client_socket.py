@@ -89,7 +89,7 @@ def test_a_simulator_of_version_1_is_named_as_the_reason() -> None:
 
 def test_a_missing_simulator_error_gives_the_start_command() -> None:
     with pytest.raises(ConnectionError, match=r"no simulator listens at 127\.0\.0\.1:\d+: start one with 'autodrive'"):
-        Client(f"127.0.0.1:{free_port()}")
+        Client(f"127.0.0.1:{free_port()}", patience=0.0)
 
 
 def test_another_web_server_is_no_simulator() -> None:
@@ -231,6 +231,8 @@ def test_the_wait_for_a_lost_simulator_is_limited() -> None:
         ("127.0.0.1:8730", "ws://127.0.0.1:8730/ws"),
         ("lab-pc", "ws://lab-pc:8730/ws"),
         ("[::1]:9000", "ws://[::1]:9000/ws"),
+        ("::1", "ws://[::1]:8730/ws"),
+        ("http://[::1]:8731/?token=a", "ws://[::1]:8731/ws?token=a"),
         ("http://10.0.0.1:8731/?token=a-b_c", "ws://10.0.0.1:8731/ws?token=a-b_c"),
         ("https://hub.org/user/me/proxy/8730/", "wss://hub.org:443/user/me/proxy/8730/ws"),
         ("ws://10.0.0.1:8731/ws", "ws://10.0.0.1:8731/ws"),

@@ -47,6 +47,22 @@ def test_our_simulator_is_driven(simulation: Simulation) -> None:
         wait_until(lambda: nigel.position is not None and nigel.position[0] > 0.1)
 
 
+@pytest.mark.parametrize("host", ["::1", "[::1]"])
+def test_a_script_listens_at_an_ipv6_address(simulation: Simulation, host: str) -> None:
+    nigel = Nigel("V1")
+
+    def step() -> None:
+        nigel.throttle_command, nigel.steering_command = 1, 0
+        if simulation.frame.vehicles["V1"].speed > 0.1:
+            raise StopIteration
+
+    port = free_port()
+    with DevkitBridge(simulation, host, port) as bridge:
+        assert bridge.address == f"[::1]:{port}"
+        with pytest.raises(StopIteration):
+            drive(step, nigel, host=host, port=port)
+
+
 def test_the_original_simulator_is_understood(echo: Server) -> None:
     """It sends at once without waiting for the handshake, never sends 40, and pings (section 1.2 of its spec)."""
     with connect(ADDRESS.format(echo.port)) as original:

@@ -78,6 +78,12 @@ def fresh(simulation: Simulation) -> None:
     simulation.request(Resume()).result(LIMIT)
 
 
+@pytest.mark.parametrize("host", ["::1", "[::1]"])
+def test_the_address_of_an_ipv6_host_has_brackets(host: str) -> None:
+    assert Config(host=host, port=9000).address == "[::1]:9000"
+    assert Config(mode="devkit", host=host).address == "[::1]:4567"
+
+
 @pytest.fixture
 def node() -> Recorder:
     return Recorder()

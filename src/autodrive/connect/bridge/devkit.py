@@ -22,7 +22,7 @@ from websockets.frames import Frame as WebSocketFrame
 from websockets.protocol import Event
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.tcp_options import drop_dead_peer
+from autodrive.base.tcp import address_text, drop_dead_peer, without_brackets
 from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import ConnectionEnd
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
@@ -60,7 +60,8 @@ class DevkitBridge:
     commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
     unless a message would be too long. `image_sizes()` gives the sizes of all cameras; a camera without an image is
     black. At most one message is sent per tick, and one waits for a command at a time, so a slow script receives the
-    latest state instead of a backlog. Telemetry that is not answered is resent after `resend_delay` [s]. Raises
+    latest state instead of a backlog. As in the original simulator, its last command is valid until the next one; it
+    times out when the connection has ended. Telemetry that is not answered is resent after `resend_delay` [s]. Raises
     `AutodriveError` for an invalid address.
     """
 
@@ -148,7 +149,10 @@ class DevkitBridge:
     def publish(self, frame: Frame) -> None:
         """Process a new Frame; called in the thread of the simulation."""
         session, loop = self._session, self._loop
-        if session is not None and loop is not None and session.awaits_frame:
+        if session is None or loop is None:
+            return
+        session.renew_commands()
+        if session.awaits_frame:
             session.awaits_frame = False
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(session.wake.set)
@@ -292,11 +296,12 @@ def _avoid_brackets_in_masks(connection: ClientConnection) -> None:
 
 
 def _checked_address(host: str, port: int) -> str:
+    host = without_brackets(host)
     if not _is_host(host):
         raise AutodriveError(f"devkit host {host[:80]!r} is not a host name or IP address, for example '127.0.0.1'")
     if not 0 < port < 65536:
         raise AutodriveError(f"devkit port {port} is not between 1 and 65535; the default is {DEVKIT_PORT}")
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    return address_text(host, port)
 
 
 def _is_host(host: str) -> bool:

@@ -59,6 +59,9 @@ class OneVehicle(Publisher):
             self.answered_at = time.monotonic()
             self._news.notify_all()
 
+    def renew(self, vehicle: str, command: Command) -> None:
+        """Do nothing: who steps the vehicle in lock-step repeats `command` itself."""
+
     def request(self, request: Operation) -> object:
         """Time of day and weather are those of the simulation. Raises `CommandError`."""
         if isinstance(request, Reset):

@@ -158,6 +158,11 @@ class Session:
                 async with asyncio.timeout(max(deadline - now, 0.0) if math.isfinite(deadline) else None):
                     await self.wake.wait()
 
+    def renew_commands(self) -> None:
+        """Let the script's last command to each vehicle go on; may be called from any thread."""
+        for vehicle, command in list(self._commands.items()):
+            self._simulation.renew(vehicle, command)
+
     async def close(self) -> None:
         """Send the close packets if the server still reads, and close the socket."""
         with contextlib.suppress(TimeoutError, WebSocketException):

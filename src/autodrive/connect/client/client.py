@@ -17,6 +17,7 @@ from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
+from autodrive.connect.client.target import Target, default_target
 from autodrive.connect.client.view import View
 from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.drawing import DrawCalls
@@ -68,19 +69,24 @@ from autodrive.protocol.native import (
     Subscribe,
 )
 from autodrive.protocol.own_files import ImportTrack
-from autodrive.protocol.ports import DEVKIT_PORT, PORT
+from autodrive.protocol.ports import DEVKIT_PORT
 
 
 class Client:
     """A connection to a running simulator: `with autodrive.Client() as sim: ...`. Use it in one thread only.
 
     - `address`: 'host:port', or the link that the simulator prints. `token`: access token if it is not in the link.
+      None: the port `AUTODRIVE_PORT` of this machine if that environment variable is set, else the last run of this
+      user in the current folder, else port 8730. The Client then prints to stderr what it is connected to, and raises
+      `AutodriveError` if that is not this run, if `AUTODRIVE_PORT` and the run disagree, or if neither is there and the
+      simulator belongs to another user.
     - `name`: display name of the driver; None: the file name of the script.
     - `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether to get scans.
     - `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none. `picture_width` [pixels],
       None: the width of the camera. `picture_quality` of the JPEG, 1 to 100.
     - `timeout`: longest wait for an answer or a Frame [s]; then `TimeoutError`.
-    - `patience`: longest wait for a simulator that restarts [s]; then `NoSimulatorError`, a `ConnectionError`.
+    - `patience`: longest wait for a simulator that starts or restarts [s]; then `NoSimulatorError`, a
+      `ConnectionError`.
 
     A refusal raises a `CommandError` with the simulator's text: of a request at once, of a `drive`, which does not wait
     for an answer, at the next call.
@@ -89,7 +95,7 @@ class Client:
     @with_suggestions
     def __init__(
         self,
-        address: str = f"127.0.0.1:{PORT}",
+        address: str | None = None,
         *,
         token: str | None = None,
         name: str | None = None,
@@ -103,11 +109,15 @@ class Client:
     ) -> None:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
-        self.connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
+        given = None if address is None else Target(Address.of(address, token))
+        target = (lambda: given) if given else lambda: default_target(token)
+        self.connection = Connection(target, name, wanted, timeout, patience)
         self.draw = DrawCalls(self.connection.request)
         """Draws points, lines and texts into the view of the page."""
         self._seen_updates = 0
         self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
+        if address is None:
+            print(f"autodrive: connected to {self.simulator}", file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Disconnect; the simulation continues, or stays paused."""
@@ -192,6 +202,11 @@ class Client:
     def scenarios(self) -> dict[str, str]:
         """Name -> title of the scenarios that `load_scenario` can load."""
         return dict(self.connection.view.welcome.scenarios) if self.connection.view.welcome else {}
+
+    @property
+    def simulator(self) -> str:
+        """What the client is connected to: title of the scenario, address, and who started the simulator when."""
+        return self.connection.simulator
 
     @property
     def name(self) -> str:

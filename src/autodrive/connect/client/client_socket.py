@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ipaddress
 import selectors
 import socket
 import ssl
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlencode, urlsplit
 
@@ -16,6 +18,7 @@ from websockets.protocol import State
 from websockets.uri import parse_uri
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.tcp import address_text
 from autodrive.protocol.native import SUBPROTOCOL
 from autodrive.protocol.ports import PORT
 
@@ -35,6 +38,10 @@ class NoSimulatorError(AutodriveError, ConnectionError):
     """No simulator was found, or the connection to it was lost."""
 
 
+class NotListeningError(NoSimulatorError):
+    """Nothing listens at the address: a simulator may start there soon."""
+
+
 @dataclass(frozen=True)
 class Address:
     """Address of a simulator; `path` is the path of its page."""
@@ -47,7 +54,9 @@ class Address:
 
     @staticmethod
     def of(text: str, token: str | None = None) -> Address:
-        """'127.0.0.1:8730', 'lab-pc', 'http://host:port/?token=...', also of a proxy ('https://hub/user/proxy/8730/')."""
+        """'127.0.0.1:8730', '[::1]:8730', 'lab-pc', 'http://host:port/?token=...', also of a proxy ('https://hub/user/proxy/8730/')."""
+        with suppress(ValueError):
+            text = f"[{ipaddress.IPv6Address(text)}]"
         try:
             has_scheme = "://" in text
             parts = urlsplit(text if has_scheme else f"http://{text}")
@@ -72,7 +81,7 @@ class Address:
         return f"{'wss' if self.is_secure else 'ws'}://{self}{self.path}ws{query}"
 
     def __str__(self) -> str:
-        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+        return address_text(self.host, self.port)
 
 
 class ClientSocket:
@@ -160,7 +169,7 @@ class ClientSocket:
                 tcp = ssl.create_default_context().wrap_socket(tcp, server_hostname=address.host)
         except ConnectionRefusedError:
             start = "start one with 'autodrive', and use the link that it prints"
-            raise NoSimulatorError(f"no simulator listens at {address}: {start}") from None
+            raise NotListeningError(f"no simulator listens at {address}: {start}") from None
         except TimeoutError:
             raise NoSimulatorError(f"no answer from {address} within {self._timeout:g} s") from None
         except OSError as error:

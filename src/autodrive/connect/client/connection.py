@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,7 +11,8 @@ import msgspec
 from msgspec.structs import replace
 
 from autodrive.base.errors import AutodriveError, CommandError
-from autodrive.connect.client.client_socket import Address, ClientSocket, NoSimulatorError
+from autodrive.connect.client.client_socket import ClientSocket, NoSimulatorError, NotListeningError
+from autodrive.connect.client.target import Target, described
 from autodrive.connect.client.view import View
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
@@ -58,10 +60,17 @@ CATCH_UP = 0.5
 
 
 class Connection:
-    """Connects when it is created; see `Client` for the arguments. `view` is what the simulator has sent."""
+    """Connects when it is created; see `Client` for the arguments. `view` is what the simulator has sent.
 
-    def __init__(self, address: Address, name: str, subscription: Subscribe, timeout: float, patience: float) -> None:
-        self.address = address
+    `target()` says where to connect; it is asked again before each attempt. Waits while no simulator listens there.
+    """
+
+    def __init__(
+        self, target: Callable[[], Target], name: str, subscription: Subscribe, timeout: float, patience: float
+    ) -> None:
+        self._target = target
+        self.simulator = ""
+        """What it is connected to; see `Client.simulator`."""
         self.name = name
         self.subscription = subscription
         self.timeout = timeout
@@ -77,7 +86,8 @@ class Connection:
         self._awaited = 0
         self._answer: Frame | Error | None = None
         self._is_read = True
-        self._connect()
+        self._was_connected = False
+        self._connected()
 
     def close(self) -> None:
         """Disconnect."""
@@ -186,6 +196,8 @@ class Connection:
 
     def _connect(self) -> None:
         """Connect, and wait for the Welcome."""
+        target = self._target()
+        self.address = target.address
         socket = ClientSocket(self.address, self.timeout)
         self.view = View()
         self.is_stepping = False
@@ -198,7 +210,7 @@ class Connection:
                 for data in socket.receive(left):
                     self._take(data)
                     end = time.monotonic() + self.timeout  # a simulator that is starting says so until it is ready
-                self._check_welcome()
+                self._check_welcome(target)
         except NoSimulatorError as error:
             socket.close()
             if socket.subprotocol is None:  # a simulator that speaks another version closes the connection
@@ -211,8 +223,11 @@ class Connection:
             socket.close()
             raise
         self._socket = socket
+        self._was_connected = True
+        assert self.view.welcome is not None
+        self.simulator = f"'{self.view.welcome.title}' at {self.address}, {described(self.view.welcome.run)}"
 
-    def _check_welcome(self) -> None:
+    def _check_welcome(self, target: Target) -> None:
         for error in self.view.errors:
             raise AutodriveError(error.text)
         welcome = self.view.welcome
@@ -222,18 +237,26 @@ class Connection:
                 f"native protocol, this client version {PROTOCOL}: install the same version of the simulator and of "
                 "its client"
             )
+        if welcome is not None and (refusal := target.refusal(welcome.run)):
+            raise AutodriveError(refusal)
 
     def _connected(self) -> ClientSocket:
-        """The open socket; reconnects, and waits until a simulator listens again."""
+        """The open socket; connects, and waits until a simulator listens."""
         if self.is_closed:
             raise AutodriveError("this Client was closed: make a new one")
         end = time.monotonic() + self.patience
+        is_told = self._was_connected
         while self._socket is None:
             try:
                 self._connect()
             except NoSimulatorError as error:
-                if time.monotonic() >= end:
-                    raise NoSimulatorError(f"{error}; waited {self.patience:g} s") from None
+                is_possible = self._was_connected or isinstance(error, NotListeningError)
+                if not is_possible or time.monotonic() >= end:
+                    waited = f"; waited {self.patience:g} s" if is_possible and self.patience else ""
+                    raise NoSimulatorError(f"{error}{waited}") from None
+                if not is_told:
+                    is_told = True
+                    print(f"autodrive: waiting up to {self.patience:g} s: {error}", file=sys.stderr, flush=True)
                 time.sleep(RETRY)
         return self._socket
 

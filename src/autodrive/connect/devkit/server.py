@@ -21,6 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
+from autodrive.base.tcp import listener, without_brackets
 from autodrive.protocol.ports import DEVKIT_PORT
 
 EVENT = "Bridge"
@@ -57,8 +58,8 @@ class Device(Protocol):
 def drive(step: Callable[[], object], *things: Device, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
     """Serve until `step` raises or Ctrl-C: for each message, update `things`, call `step()`, send their commands.
 
-    `things` are vehicles and traffic lights. `host` '' listens on all interfaces. Raises what `step` raises, and
-    `OSError` if the port is in use.
+    `things` are vehicles and traffic lights. `host`: an address, IPv4 or IPv6, or a name; '' listens on all interfaces.
+    Raises what `step` raises, and `OSError` if the port is in use.
     """
 
     def respond(data: Telemetry) -> dict[str, str]:
@@ -86,8 +87,7 @@ class Server:
         self._connections: set[ServerConnection] = set()
         self._server = serve(
             self._serve_simulator,
-            host,
-            port,
+            sock=listener(without_brackets(host), port),
             process_request=_reject_other_paths,
             compression=None,
             max_size=MESSAGE_LIMIT,

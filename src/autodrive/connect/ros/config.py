@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.tcp import address_text, without_brackets
 from autodrive.connect.ros.cars import CARS, NIGEL, ROBORACER, Car
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, Side
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
@@ -26,7 +27,7 @@ class Config:
     host: str = "127.0.0.1"
     """Direct: address of the simulator. Devkit: address to listen at; '' accepts other machines too."""
     port: int = 0
-    """0: the default port, 8730 (direct) or 4567 (devkit)."""
+    """0: the default port, 4567 (devkit); direct, on this machine: as a Client without an address, see `Client`."""
     token: str = ""
     """Access token that the simulator prints in its link, if it needs one; direct mode."""
     profile: str = "2025"
@@ -84,9 +85,14 @@ class Config:
             raise AutodriveError(f"picture_quality must be 1 to 100, not {self.picture_quality}")
 
     @property
+    def simulator(self) -> str | None:
+        """Address of the simulator in direct mode; None: that of a Client without an address."""
+        return None if (self.host, self.port) == (Config.host, 0) else self.address
+
+    @property
     def address(self) -> str:
         """'host:port' of the simulator (direct) or of the devkit server (devkit)."""
-        return f"{self.host}:{self.port or (PORT if self.mode == 'direct' else DEVKIT_PORT)}"
+        return address_text(without_brackets(self.host), self.port or (PORT if self.mode == "direct" else DEVKIT_PORT))
 
     @property
     def devkit_profile(self) -> Profile:

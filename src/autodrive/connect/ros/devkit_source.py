@@ -40,6 +40,7 @@ from autodrive.protocol.messages import (
     WheelsReading,
 )
 from autodrive.protocol.native import Picture
+from autodrive.protocol.ports import DEVKIT_PORT
 
 ANSWER_TIME = 4.0
 """In lock-step, the driver has this time for a scan [s]; a race sends a message that is not answered again after 5 s or
@@ -88,8 +89,9 @@ class DevkitSource:
 
     def serve(self, listener: Listener) -> None:
         """Run until the listener is closed. Raises `OSError` if the port is in use."""
-        host, _, port = self._config.address.rpartition(":")
-        with Server(lambda data: self.respond(data, listener), host=host, port=int(port)) as server:
+        config = self._config
+        at = {"host": config.host, "port": config.port or DEVKIT_PORT}
+        with Server(lambda data: self.respond(data, listener), **at) as server:
             while not listener.is_closed:
                 server.wait(min(listener.max_wait, POLL_INTERVAL))
                 if server.is_connected:

@@ -27,6 +27,7 @@ class DirectSource:
         self._config = config
         self._lock = threading.Lock()
         self._sender: Client | None = None
+        self._simulator = config.simulator
         self.scene: Scene | None = None
         self.status: Status | None = None
         self.frame: Frame | None = None
@@ -38,7 +39,10 @@ class DirectSource:
         scans: dict[str, LidarScan] = {}
         pictures: dict[tuple[str, str], Picture] = {}
         quality = config.picture_quality
-        with Client(**self._address(), frame_rate=config.rate, picture_quality=quality, patience=0.0) as sim:
+        with Client(
+            config.simulator, **self._named(), frame_rate=config.rate, picture_quality=quality, patience=0.0
+        ) as sim:
+            self._simulator = str(sim.connection.address)  # the commands go to the same one
             sim.connection.subscribe(replace(sim.connection.subscription, frames_of_readings=True))
             while not listener.is_closed:
                 rate = max(config.rate, config.clock_rate) if listener.wants_clock else config.rate
@@ -87,7 +91,7 @@ class DirectSource:
         with self._lock:
             try:
                 if self._sender is None:
-                    self._sender = Client(**self._address(), frame_rate=0.0, scans=False, patience=0.0)
+                    self._sender = Client(self._simulator, **self._named(), frame_rate=0.0, scans=False, patience=0.0)
                 return send(self._sender)
             except (NoSimulatorError, TimeoutError):
                 if self._sender is not None:
@@ -95,8 +99,8 @@ class DirectSource:
                     self._sender = None
                 raise
 
-    def _address(self) -> dict[str, Any]:
-        return {"address": self._config.address, "token": self._config.token or None, "name": "ROS"}
+    def _named(self) -> dict[str, Any]:
+        return {"token": self._config.token or None, "name": "ROS"}
 
 
 def vehicle_infos(scene: Scene) -> dict[str, VehicleInfo]:

@@ -16,7 +16,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.frames import Frame
 from websockets.protocol import State
 
-from autodrive.base.tcp_options import drop_dead_peer
+from autodrive.base.tcp import drop_dead_peer
 from autodrive.base.token_bucket import TokenBucket
 
 IDLE_TIMEOUT = 10.0

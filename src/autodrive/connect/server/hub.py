@@ -30,6 +30,7 @@ from autodrive.protocol.native import (
     Hello,
     Release,
     Request,
+    RunOrigin,
     Status,
     Subscribe,
     Welcome,
@@ -50,8 +51,9 @@ POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 class Hub:
     """An asynchronous context in the server's event loop; `serve` serves one client."""
 
-    def __init__(self, served: Served) -> None:
+    def __init__(self, served: Served, origin: RunOrigin) -> None:
         self._served = served
+        self._origin = origin
         self.clients: set[ConnectedClient] = set()
         self.broadcast = Broadcast(served, self.clients, self._send_status_soon)
         self._leases = DriverLeases()
@@ -114,7 +116,15 @@ class Hub:
         scope[IS_CLIENT] = True
         client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
         served = self._served
-        welcome = Welcome(PROTOCOL, __version__, client.name, dict(served.scenarios), served.own_files.folder)
+        welcome = Welcome(
+            PROTOCOL,
+            __version__,
+            client.name,
+            dict(served.scenarios),
+            served.own_files.folder,
+            self._origin,
+            served.simulation.world.spec.title,
+        )
         await send_bytes(encode(welcome))
         await self._serve_client(client, receive, send, send_bytes)
 

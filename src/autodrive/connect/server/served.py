@@ -137,7 +137,8 @@ class PageOptions:
     host: str = "127.0.0.1"
     """Address on which the page is served."""
     port: int | None = None
-    """Port of the page; None: the default port, or the next free one; 0: any free port."""
+    """Port of the page; None: that of the environment variable `AUTODRIVE_PORT`, else the default port, or the next
+    free one; 0: any free port."""
     token: str | None = None
     """Access token of 16 characters or more; None: generated if other machines can connect."""
     allowed_origins: tuple[str, ...] = ()

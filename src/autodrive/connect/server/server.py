@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
-import ipaddress
 import logging
 import secrets
 import socket
@@ -19,6 +19,9 @@ import uvicorn
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
+from autodrive.base.tcp import address_text, is_every_interface, listener, without_brackets
+from autodrive.connect.client.last_run import user_name
+from autodrive.connect.client.target import port_of_environment
 from autodrive.connect.server.access import AccessPolicy, checked_token, is_loopback
 from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol
 from autodrive.connect.server.files import page_files
@@ -27,7 +30,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.web import Receive, Scope, Send, WebApplication
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import MAX_TEXT
-from autodrive.protocol.native import SUBPROTOCOL, Starting
+from autodrive.protocol.native import SUBPROTOCOL, RunOrigin, Starting
 from autodrive.protocol.ports import PORT
 
 log = logging.getLogger(__name__)
@@ -53,15 +56,17 @@ class Server:
 
     def __init__(self, served: Served | None, options: PageOptions | None = None, *, page: Path | None = None) -> None:
         options = options or PageOptions()
-        self.host = options.host
+        self.host = without_brackets(options.host)
         if options.token is not None:
             checked_token(options.token)
         self.token = options.token or (None if is_loopback(self.host) else secrets.token_urlsafe(16))
         self._page = page
-        self._wanted_port = options.port
+        self._wanted_port = port_of_environment() if options.port is None else options.port
         self._port = 0
         self._policy = AccessPolicy(self.token, options.allowed_origins)
-        self._hub = None if served is None else Hub(served)
+        self.origin = RunOrigin(secrets.token_hex(8), user_name(), time.time())
+        """What clients are told about this run."""
+        self._hub = None if served is None else Hub(served, self.origin)
         self.starting = Starting("starting")
         """What clients are told while nothing is served; may be set in any thread."""
         self._thread: threading.Thread | None = None
@@ -75,8 +80,7 @@ class Server:
     @property
     def address(self) -> str:
         """Host and port for clients, 'host:port'."""
-        host = _reachable(self.host)
-        return f"[{host}]:{self._port}" if ":" in host else f"{host}:{self._port}"
+        return address_text(_reachable(self.host), self._port)
 
     @property
     def hub(self) -> Hub:
@@ -98,13 +102,13 @@ class Server:
         """Listen, and serve in a thread of its own. Raises `AutodriveError` if the port is not available."""
         if self._thread is not None:
             raise RuntimeError("this Server is already started")
-        listener = _listener(self.host, self._wanted_port)
-        self._port = listener.getsockname()[1]
+        listening = _listener(self.host, self._wanted_port)
+        self._port = listening.getsockname()[1]
         is_ready = threading.Event()
 
         def serve() -> None:
             with asyncio.Runner(loop_factory=_new_loop) as runner:
-                runner.run(self._serve(listener, is_ready))
+                runner.run(self._serve(listening, is_ready))
 
         self._thread = threading.Thread(target=serve, name="autodrive-server", daemon=True)
         self._thread.start()
@@ -112,7 +116,7 @@ class Server:
 
     def serve(self, served: Served) -> None:
         """Serve a simulation from now on. The server was started without one."""
-        hub = Hub(served)
+        hub = Hub(served, self.origin)
         asyncio.run_coroutine_threadsafe(self._hubs.enter_async_context(hub), self._loop).result()
         self._hub = hub
 
@@ -132,7 +136,7 @@ class Server:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    async def _serve(self, listener: socket.socket, is_ready: threading.Event) -> None:
+    async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
         """Run the hub and the web server in the thread, until `close`."""
         page = {} if self._page is None else page_files(self._page)
         application = WebApplication(
@@ -161,7 +165,7 @@ class Server:
             is_ready.set()
             if self._hub is not None:
                 await self._hubs.enter_async_context(self._hub)
-            await self.web_server.serve(sockets=[listener])
+            await self.web_server.serve(sockets=[listening])
 
     async def _serve_client(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Accept a WebSocket, and serve its client as soon as there is something to serve."""
@@ -213,32 +217,27 @@ def _new_loop() -> asyncio.AbstractEventLoop:
 
 def _listener(host: str, port: int | None) -> socket.socket:
     """Listen on that port, or on the first free default port."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     for attempt in range(PORTS if port is None else 1):
         number = PORT + attempt if port is None else port
         try:
-            return socket.create_server((host, number), family=family, backlog=200)
+            return listener(host, number)
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 raise AutodriveError(f"cannot listen on {host} port {number}: {error.strerror or error}") from None
         except OverflowError:
             raise AutodriveError(f"port {number} is not in the range 0 to 65535") from None
     if port is not None:
-        raise AutodriveError(f"port {port} of {host} is in use; without --port the next free one is used")
+        raise AutodriveError(f"port {port} of {host} is in use; choose another one with --port")
     raise AutodriveError(f"ports {PORT} to {PORT + PORTS - 1} of {host} are all in use; choose a free one with --port")
 
 
 def _reachable(host: str) -> str:
     """An address that other machines can use; for 'all addresses' the one of the default route."""
-    try:
-        is_any = ipaddress.ip_address(host).is_unspecified
-    except ValueError:
+    if not is_every_interface(host):
         return host
-    if not is_any:
-        return host
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # nothing is sent; a documentation address (RFC 5737)
+    probes = [(socket.AF_INET, "192.0.2.1"), *([(socket.AF_INET6, "2001:db8::1")] if ":" in host else [])]
+    for family, other in probes:
+        with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((other, 9))  # nothing is sent; a documentation address (RFC 5737, RFC 3849)
             return probe.getsockname()[0]
-        except OSError:
-            return "127.0.0.1"
+    return "127.0.0.1"

@@ -119,7 +119,7 @@ def read_picture(path: Path, resolution: float | None) -> RosMap:
     if resolution is None:
         raise SpecError([LACKING_SHEET.format(image=path.name, sheet=sheet.name)], str(path))
     spec = RosMapSpec(image=path.name, resolution=resolution, origin=(0.0, 0.0))
-    return RosMap(spec, _occupancy(spec, read_grey(path)))
+    return _ros_map(spec, read_grey(path))
 
 
 def ros_map_of(text: str, picture: bytes) -> RosMap:

@@ -46,6 +46,12 @@ class Control(Protocol):
     def submit(self, vehicle: str, command: Command) -> None:
         """Set the command for the next tick; the latest one counts. Raises `CommandError`."""
 
+    def renew(self, vehicle: str, command: Command) -> None:
+        """Drive one more tick with the command that was submitted last, so that it does not time out.
+
+        Does nothing if it is not the last one any more, after a reset, or after a change of the driving mode.
+        """
+
     def request(self, request: Operation) -> object:
         """Execute an operation before the next tick. Raises `CommandError`."""
         ...

@@ -6,7 +6,7 @@ import contextlib
 import logging
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, get_args
 
@@ -103,6 +103,8 @@ class Simulation(Paced):
         self._pace = Pace(world.tick_duration, speed)
         self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
+        self._renewable: dict[str, Command] = {}
+        """The last command of a script, by vehicle."""
         self._prepared: dict[str, World] = {}
         """The World that `prepare` has made, by scenario."""
         self._world_lock = threading.Lock()
@@ -164,6 +166,20 @@ class Simulation(Paced):
             raise CommandError(f"the source of a command must be 'person' or 'script', not {source!r}")
         with self._mailbox:
             self._commands[vehicle, source] = command
+            if source == "script":
+                self._renewable[vehicle] = command
+
+    def renew(self, vehicle: str, command: Command) -> None:
+        """See `Control.renew`; headlights and indicators stay as they are."""
+        with self._mailbox:
+            if self._renewable.get(vehicle) is command:
+                self._commands.setdefault((vehicle, "script"), Command(command.throttle, command.steering))
+
+    def _end_renewal(self, vehicles: Iterable[str] | None = None) -> None:
+        """The last commands of scripts, to these vehicles or to all, are not renewed any more."""
+        with self._mailbox:
+            for vehicle in list(self._renewable) if vehicles is None else vehicles:
+                self._renewable.pop(vehicle, None)
 
     def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
         """Execute a request before the next tick, in the order of the calls. Raises `CommandError`.
@@ -293,6 +309,8 @@ class Simulation(Paced):
             command = received.get((name, "script" if vehicle.is_autonomous else "person"))
             if command is not None:
                 commands[name] = command
+        if step_commands:
+            self._end_renewal(step_commands)
         given = {**commands, **step_commands}
         for observer in self._observers:
             observer.given(given)
@@ -328,6 +346,7 @@ class Simulation(Paced):
             case Reset(seed=seed):
                 self.world.reset(seed)
                 self._editor.on_reset()
+                self._end_renewal()
                 self.error = ""
             case Place() | AddBox() | RemoveBox() | SetSensor():
                 self._use(self._editor.edit(self.world, request))
@@ -355,8 +374,10 @@ class Simulation(Paced):
                 self.world.set_traffic_light(light, state)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
+                self._end_renewal([vehicle])
             case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
                 self.world.retire(vehicle, reason, is_disqualified=is_disqualified)
+                self._end_renewal([vehicle])
         for observer in self._observers:
             observer.executed(request)
         if self.world.frame is not self._frame:
@@ -376,7 +397,7 @@ class Simulation(Paced):
         self._use(self._prepared.pop(name, None) or self._load(name))
         self._editor.forget()
         with self._mailbox:
-            self._commands = {}
+            self._commands, self._renewable = {}, {}
 
     def _use(self, world: World) -> None:
         """Run that World from now on."""
