@@ -28,6 +28,7 @@ from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
+from autodrive.cli.stopping import interruptible
 from autodrive.cli.urdf import urdf
 from autodrive.cli.weather import weather
 
@@ -46,7 +47,8 @@ def main(interrupt: Any = None) -> None:
     try:
         if interrupt is not None:
             signal.signal(signal.SIGINT, interrupt)
-        code = app(standalone_mode=False)
+        with interruptible():
+            code = app(standalone_mode=False)
         sys.stdout.flush()
     except AutodriveError as error:
         code = _fail(str(error))
