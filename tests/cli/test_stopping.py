@@ -25,16 +25,20 @@ SCRIPT = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(
 
 @pytest.mark.process
 @pytest.mark.parametrize(
-    ("arguments", "owed"),
+    ("number", "arguments", "owed"),
     [
-        (("run", "plane", "--no-browser", "--port", "0"), "ended by SIGTERM"),
-        (("race", "practice", "--headless", "-o", "{folder}/race", "--script", 'python -c "{script}"'), "results: "),
-        (("replay", "{folder}/run.mcap", "--no-browser", "--port", "0"), "replaying 'run.mcap'"),
+        (signal.SIGTERM, ("run", "plane", "--no-browser", "--port", "0"), "ended by SIGTERM"),
+        (
+            signal.SIGHUP,
+            ("race", "practice", "--headless", "-o", "{folder}/race", "--script", 'python -c "{script}"'),
+            "results: ",
+        ),
+        (signal.SIGHUP, ("replay", "{folder}/run.mcap", "--no-browser", "--port", "0"), "replaying 'run.mcap'"),
     ],
-    ids=lambda value: value[0],
+    ids=["run", "race", "replay"],
 )
 def test_a_signal_ends_a_command_without_tearing_its_modules_down(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], owed: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, arguments: tuple[str, ...], owed: str
 ) -> None:
     """Which would need half a second of a processor, and seconds on a busy machine."""
     monkeypatch.chdir(tmp_path)
@@ -46,7 +50,7 @@ def test_a_signal_ends_a_command_without_tearing_its_modules_down(
     command.wait_for("press Ctrl-C to stop")
     if arguments[0] == "race":
         wait_until(Path("pid").exists)
-    assert command.end(signal.SIGTERM) == 0
+    assert command.end(number) == 0
     assert owed in command.messages.read_text()
     assert "torn down" not in command.messages.read_text()
     if arguments[0] == "race":

@@ -135,7 +135,7 @@ def test_kills_of_the_camera_process(spec: ScenarioSpec, gl: str, caplog: pytest
         logged = lines(caplog, render_process.__name__)
         assert [f"({n} of {RESTARTS})" in line for n, line in enumerate(logged, 1)] == [*[True] * RESTARTS, False]
         assert logged[-1] == cameras.statistics.error
-        assert f"{RESTARTS + 1} times, now with SIGKILL" in logged[-1]
+        assert f"{RESTARTS + 1} times in an hour, now with SIGKILL" in logged[-1]
         return RESTARTS + 1
 
     attack(instance)
@@ -198,7 +198,7 @@ def test_kills_of_the_scene_process(spec: ScenarioSpec, gl: str, caplog: pytest.
             if death < RESTARTS:
                 assert image.result(LIMIT).answer == first
             else:
-                with pytest.raises(AutodriveError, match=f"{RESTARTS + 1} times, now with SIGKILL"):
+                with pytest.raises(AutodriveError, match=f"{RESTARTS + 1} times in an hour, now with SIGKILL"):
                     image.result(LIMIT)
         scene.close()
         logged = lines(caplog, render_process.__name__)

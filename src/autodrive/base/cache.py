@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.texts import encodable
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -21,7 +22,7 @@ PACKAGE = Path(__file__).parents[1]
 def write_file(path: Path, data: bytes | str) -> None:
     """Write a file of a user, text as UTF-8: whole, or not at all. Raises `AutodriveError`."""
     with _errors(path):
-        _replace(path, data.encode() if isinstance(data, str) else data)
+        _replace(path, encodable(data).encode() if isinstance(data, str) else data)
 
 
 @contextlib.contextmanager

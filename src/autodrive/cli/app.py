@@ -6,6 +6,7 @@ Modules of commands import only what the help needs; a command imports the rest 
 from __future__ import annotations
 
 import errno
+import io
 import os
 import re
 import signal
@@ -15,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.texts import encodable
 from autodrive.base.version import __version__
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.campaign import CampaignCommand, campaign
@@ -26,6 +28,7 @@ from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
+from autodrive.cli.stopping import interruptible
 from autodrive.cli.urdf import urdf
 from autodrive.cli.weather import weather
 
@@ -40,10 +43,12 @@ def main(interrupt: Any = None) -> None:
 
     `interrupt`: the handler of Ctrl-C from now on; None: as it is.
     """
+    _accept_all_texts(sys.stdout)
     try:
         if interrupt is not None:
             signal.signal(signal.SIGINT, interrupt)
-        code = app(standalone_mode=False)
+        with interruptible():
+            code = app(standalone_mode=False)
         sys.stdout.flush()
     except AutodriveError as error:
         code = _fail(str(error))
@@ -51,6 +56,8 @@ def main(interrupt: Any = None) -> None:
         code = _fail(_usage(error))
     except (KeyboardInterrupt, typer.Abort):
         code = 130
+    except UnicodeEncodeError as error:  # of a library, such as the writer of Parquet files
+        code = _fail(f"'{encodable(error.object)}' is not a text in UTF-8, which this command needs: rename the file")
     except BrokenPipeError:  # the reader of our output has exited
         sys.stderr.close()
         code = 141
@@ -98,6 +105,12 @@ app.command()(identify)
 tracks.exporting.command("recording")(recordings.export)
 app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")
+
+
+def _accept_all_texts(stream: Any) -> None:
+    """Write characters that the encoding of the terminal does not have, and names that are not UTF-8, as escapes."""
+    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        stream.reconfigure(errors="backslashreplace")
 
 
 def _usage(error: Any) -> str:

@@ -1,21 +1,36 @@
-"""What SIGINT and SIGTERM do to a command that runs until it is stopped: it ends within two seconds."""
+"""What SIGINT, SIGTERM and SIGHUP do to a command; one that runs until it is stopped ends within two seconds."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import stat
 import sys
 import threading
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
 
 STOP_TIME = 1.5
 """Time in which a command ends after a signal [s]; after that the process ends at once."""
 
 
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """SIGTERM and SIGHUP do what Ctrl-C does: a `KeyboardInterrupt`, with which a command closes its files.
+
+    Only the main thread can do this; in another one, nothing changes.
+    """
+    before = _handled(_interrupt, [signal.SIGTERM]) if threading.current_thread() is threading.main_thread() else {}
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
 class StopSignals:
-    """From `catch` on, SIGINT and SIGTERM call `stop` with their name; the second signal ends the process at once.
+    """From `catch` on, SIGINT, SIGTERM and SIGHUP call `stop` with their name; the second one ends the process at once.
 
     `report` prints what a command that has not ended after `STOP_TIME` owes to its user; it returns the exit code.
     """
@@ -28,8 +43,7 @@ class StopSignals:
 
     def catch(self) -> None:
         """From now on, a signal ends this command."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._default[number] = signal.signal(number, self._on_signal)
+        self._default = _handled(self._on_signal, [signal.SIGINT, signal.SIGTERM])
 
     def end(self, code: int = 0) -> None:
         """After a signal, end the process, whose modules would need half a second of a processor to end by themselves.
@@ -56,15 +70,40 @@ class StopSignals:
 
     def __exit__(self, *_: object) -> None:
         self._has_ended = True
-        for number, handler in self._default.items():
-            signal.signal(number, handler)
+        _restore(self._default)
 
     def _on_signal(self, number: int, _: object) -> None:
         if self._is_stopped:
             os._exit(128 + number)
         self._is_stopped = True
+        _leave_closed_terminal()
         threading.Thread(target=self.end_late, name="autodrive-deadline", daemon=True).start()
         self._stop(signal.Signals(number).name)
+
+
+def _handled(handler: Callable[[int, Any], object], numbers: list[signal.Signals]) -> dict[int, Any]:
+    """Let `handler` have these signals, and SIGHUP unless it is ignored, as by nohup; the handlers before."""
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers = [*numbers, signal.SIGHUP]
+    return {number: signal.signal(number, handler) for number in numbers}
+
+
+def _restore(handlers: dict[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def _interrupt(_: int, __: object) -> NoReturn:
+    _leave_closed_terminal()
+    raise KeyboardInterrupt
+
+
+def _leave_closed_terminal() -> None:
+    """Discard what is printed from now on if the terminal was closed: otherwise each line would be an error."""
+    for stream in (1, 2):
+        with contextlib.suppress(OSError):
+            if stat.S_ISCHR(os.fstat(stream).st_mode) and not os.isatty(stream):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
 
 def _end_process(code: int) -> None:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from autodrive.base.texts import total
 from autodrive.protocol.messages import Event, Frame
 from autodrive.protocol.native import ClientMessage, ServerMessage
 
@@ -38,7 +39,7 @@ def _array(code: int, data: memoryview) -> Any:
     return np.frombuffer(bytes(data), _TYPES[code])
 
 
-encode = msgspec.msgpack.Encoder(enc_hook=_extension).encode
+encode = total(msgspec.msgpack.Encoder(enc_hook=_extension).encode)
 """Encode a message."""
 
 decode_client = msgspec.msgpack.Decoder(ClientMessage, ext_hook=_array).decode

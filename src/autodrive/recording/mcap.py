@@ -27,6 +27,7 @@ from typing import BinaryIO, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.texts import encodable
 from autodrive.recording.errors import RecordingError
 
 if sys.version_info >= (3, 14):
@@ -311,7 +312,7 @@ def _record(kind: int, content: bytes, more: bytes = b"") -> bytes:
 
 
 def _text(text: str) -> bytes:
-    return _block(text.encode())
+    return _block(encodable(text).encode())
 
 
 def _block(data: bytes) -> bytes:

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from autodrive.base.texts import total
 from autodrive.base.yaml_files import MAX_BYTES
 from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
 from autodrive.recording.errors import RecordingError
@@ -141,7 +142,7 @@ def _typed(kind: type, value: Any) -> Any:
     return np.array(value, np.float64)
 
 
-encode_json = msgspec.json.Encoder(enc_hook=_plain).encode
+encode_json = total(msgspec.json.Encoder(enc_hook=_plain).encode)
 _DECODERS = {topic: msgspec.json.Decoder(kind, dec_hook=_typed).decode for topic, kind in RECORDS.items()}
 
 

@@ -15,6 +15,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError
 
 from autodrive.base.arrays import element_type
+from autodrive.base.texts import with_encodable_texts
 from autodrive.recording.errors import RecordingError
 
 _SCALARS: dict[type, str] = {
@@ -102,8 +103,14 @@ class Message:
 
     def encode(self, value: Any, given: Mapping[str, Any] | None = None) -> bytes:
         """The message of a struct, or of any object with these attributes; `given` replaces attributes."""
-        message = self._class()
         given = given or {}
+        try:
+            return self._encoded(value, given)
+        except UnicodeEncodeError:
+            return self._encoded(with_encodable_texts(value), with_encodable_texts(given))
+
+    def _encoded(self, value: Any, given: Mapping[str, Any]) -> bytes:
+        message = self._class()
         for name, write in self._writers:
             of = given[name] if name in given else getattr(value, name)
             if of is not None:

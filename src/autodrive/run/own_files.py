@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
+from autodrive.base.texts import encodable
 from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
 from autodrive.connect.server.served import NO_FOLDER, OwnFiles
 from autodrive.protocol.messages import MAX_MODULES, LoadScenario, UseMap
@@ -44,7 +45,7 @@ class UserFiles(OwnFiles):
 
     def listed(self) -> dict[str, OwnFile]:
         """The YAML files of the folder by name; what their keys say that they are."""
-        return {path.name: _described(path) for path in self._paths()}
+        return {name: _described(path) for name, path in self._paths().items()}
 
     def opened(self, operation: OpenFile, world: World) -> LoadScenario | UseMap:
         """A scenario is loaded from its file; one that a client sends has a file of its own until the next one."""
@@ -55,7 +56,7 @@ class UserFiles(OwnFiles):
                 return UseMap(text=text)
             check_names(checked_source(found, ScenarioSpec), world.specs)
             return LoadScenario(str(self._written(name, text)))
-        paths = {path.name: path for path in self._paths()}
+        paths = self._paths()
         if name not in paths:
             raise AutodriveError(f"'{name}' is not in the folder '{self.folder}'. {suggest(name, list(paths))}")
         found = source(paths[name])
@@ -99,13 +100,13 @@ class UserFiles(OwnFiles):
         write_file(path, data)
         return path.name
 
-    def _paths(self) -> list[Path]:
-        """The YAML files of the folder, sorted. Raises `AutodriveError`."""
+    def _paths(self) -> dict[str, Path]:
+        """The YAML files of the folder by name, sorted. Raises `AutodriveError`."""
         if self._folder is None:
             raise AutodriveError(NO_FOLDER)
         try:
             found = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
-            return sorted(itertools.islice(found, MAX_FILES))
+            return {encodable(path.name): path for path in sorted(itertools.islice(found, MAX_FILES))}
         except OSError as error:
             raise AutodriveError(f"the folder '{self.folder}' cannot be read: {error.strerror or error}") from None
 

@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from autodrive.base.texts import with_encodable_texts
 from autodrive.base.transforms import euler_from_quaternion
 from autodrive.base.version import __version__
 from autodrive.protocol.messages import Collision, Frame, Pose
@@ -133,7 +134,7 @@ class Summary:
 
     def to_json(self) -> str:
         """The text of the summary file."""
-        return json.dumps(asdict(self), indent=2) + "\n"
+        return json.dumps(with_encodable_texts(asdict(self)), indent=2) + "\n"
 
     def as_dict(self) -> dict[str, Any]:
         """The values of the summary file: dictionaries, lists, strings, numbers and None."""

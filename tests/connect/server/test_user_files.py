@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +14,7 @@ import autodrive
 from autodrive import AutodriveError, Client
 from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
-from autodrive.connect.server.served import PageOptions, Served
+from autodrive.connect.server.served import OwnFiles, PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine
 from autodrive.protocol.own_files import ExportMap, ListFiles, OpenFile, OwnFile, SaveFile
@@ -61,6 +62,39 @@ def sim(server: Server) -> Iterator[Client]:
 def ask(sim: Client, operation: OpenFile | ListFiles | SaveFile | ExportMap | SaveScenario) -> str:
     sim.connection.request(operation)
     return sim.connection.text
+
+
+def test_a_file_whose_name_is_not_utf_8_locks_nobody_out(server: Server, folder: Path, sim: Client) -> None:
+    for name in (b"caf\xe9.yaml", b"caf\xe8.yaml"):
+        (folder / os.fsdecode(name)).write_text("title: Latin-1\nmap: plane\n")
+    with native_client(server) as it:
+        latin = [name for name, file in it.ask("ListFiles")["files"].items() if file["title"] == "Latin-1"]
+        assert latin == ["caf\\xe8.yaml", "caf\\xe9.yaml"]
+        assert it.ask("OpenFile", name="caf\\xe9.yaml")["type"] == "Response"
+        assert it.ask("Pause")["frame"]["time"] >= 0.0
+    sim.step({})
+
+
+class UnfitFiles(OwnFiles):
+    """Its answer has a number that MessagePack does not have."""
+
+    def listed(self) -> dict[str, OwnFile]:
+        return {"a.yaml": OwnFile("map", 2**64)}  # type: ignore[arg-type]
+
+
+def test_an_answer_that_cannot_be_encoded_is_an_error_and_the_next_requests_are_executed(
+    simulation: Simulation,
+) -> None:
+    served = Served(simulation, scene_files, own_files=UnfitFiles())
+    with (
+        Server(served, PageOptions(port=0)) as server,
+        native_client(server) as it,
+        native_client(server) as other,
+    ):
+        assert it.ask("ListFiles")["type"] == "Error"
+        for client in (it, other):
+            assert client.ask("Pause")["type"] == "Response"
+            assert client.ask("ListFiles")["type"] == "Error"
 
 
 def test_the_files_of_the_folder_are_listed_and_opened(server: Server, simulation: Simulation, sim: Client) -> None:

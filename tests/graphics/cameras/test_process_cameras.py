@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 import autodrive
+from autodrive import AutodriveError
+from autodrive.graphics.cameras import render_process
 from autodrive.graphics.cameras.process_cameras import RATE_WINDOW, ProcessCameras
-from autodrive.graphics.cameras.render_process import RESTARTS
+from autodrive.graphics.cameras.render_process import RESTARTS, RenderProcess
+from autodrive.graphics.cameras.render_worker import CameraImages, Drawn
 from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Teleport
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
@@ -153,6 +156,29 @@ def test_nothing_is_drawn_while_images_are_not_wanted(world: World, cameras: Pro
     assert is_alive(cameras.process.pid)  # kept, so that the next image comes soon
     cameras.is_wanted = True
     assert captured(world)
+
+
+def test_ends_of_the_worker_count_for_an_hour(
+    gl: str, car: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(render_process, "RESTARTS", 1)
+    (world, _), now = made(car, is_wanted=False), [0.0]
+    process = RenderProcess(camera_rig(world.compiled), "cameras", clock=lambda: now[0])
+
+    def drawn_after_end(at: float) -> Drawn:
+        now[0] = at
+        assert process.wait(LIMIT)
+        os.kill(process.pid, signal.SIGKILL)
+        return process.draw(0, world.frame, CameraImages(world.frame.tick, [0], (0, 0))).result(LIMIT)
+
+    process.start()
+    drawn_after_end(0.0)
+    drawn_after_end(3600.0)
+    assert ["(1 of 1)" in line for line in messages(caplog)] == [True, True]
+    with pytest.raises(AutodriveError, match="cameras are unavailable: .* 2 times in an hour"):
+        drawn_after_end(3600.0 + 3599.0)
+    process.close()
+    world.close()
 
 
 def test_the_worker_starts_when_images_are_first_wanted_and_again_three_times_when_it_dies(

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import math
 from typing import Any
+
+from uvicorn.protocols.utils import ClientDisconnected
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
@@ -35,6 +38,8 @@ from autodrive.protocol.native import (
     Subscribe,
     Welcome,
 )
+
+log = logging.getLogger(__name__)
 
 MAX_CLIENTS = 100
 """More are refused."""
@@ -144,8 +149,10 @@ class Hub:
         self._send_status_soon()
         self.broadcast.offer_latest(client)
         sending = asyncio.create_task(client.send_loop(send_bytes))
+        sending.add_done_callback(lambda task: _on_end_of_sending(task, client))
         try:
             await self._receive_loop(client, receive)
+            sending.cancel()  # it must send nothing after the close
             with contextlib.suppress(Exception):
                 await send({"type": "websocket.close", "code": POLICY_VIOLATION})
         finally:
@@ -238,8 +245,11 @@ class Hub:
 
     async def _send_status_regularly(self) -> None:
         while True:
-            self.broadcast.update_drawings()
-            self._send_status()
+            try:
+                self.broadcast.update_drawings()
+                self._send_status()
+            except Exception:
+                log.exception("server: a Status could not be sent")
             await asyncio.sleep(STATUS_INTERVAL)
 
     def _send_status(self) -> None:
@@ -270,3 +280,11 @@ class Hub:
         )
         for client in self.clients:
             client.set_status(status)
+
+
+def _on_end_of_sending(sending: asyncio.Task[None], client: ConnectedClient) -> None:
+    """A client that is sent nothing more does not stay connected."""
+    if not sending.cancelled() and (error := sending.exception()) is not None:
+        if not isinstance(error, ClientDisconnected):
+            log.error("server: a message to '%s' could not be sent", client.name, exc_info=error)
+        client.abort()

@@ -246,18 +246,25 @@ class Requests:
             self._refuse(turn, error)
 
     def _respond(self, turn: Turn, frame: Frame, answer: Answer = NO_ANSWER) -> None:
-        for one in (turn, *turn.older):
-            for id in one.entry.ids:
-                one.client.respond(id, frame, *answer)
-        self._end(turn)
+        try:
+            for one in (turn, *turn.older):
+                for id in one.entry.ids:
+                    one.client.respond(id, frame, *answer)
+        except Exception as error:  # it cannot be encoded
+            self._refuse(turn, error)
+        else:
+            self._end(turn)
 
     def _refuse(self, turn: Turn, error: BaseException) -> None:
         if not isinstance(error, AutodriveError | _TakenError):
             log.error("server: a %s failed", type(turn.entry.operation).__name__, exc_info=error)
-        for one in (turn, *turn.older):
-            for id in one.entry.ids:
-                one.client.send_error(Error("taken" if isinstance(error, _TakenError) else "request", str(error), id))
-        self._end(turn)
+        code = "taken" if isinstance(error, _TakenError) else "request"
+        try:
+            for one in (turn, *turn.older):
+                for id in one.entry.ids:
+                    one.client.send_error(Error(code, str(error), id))
+        finally:
+            self._end(turn)
 
     def _end(self, turn: Turn) -> None:
         """The request was executed: choose the time of the client's next one."""
@@ -414,11 +421,10 @@ class Requests:
             async with self._weather_lock:
                 try:
                     text = await asyncio.to_thread(self._weather_text, self._broadcast.latest)
+                    client.respond(id, self._broadcast.latest, *Answer(text))
                 except Exception as error:
                     log.exception("server: a weather could not be described")
                     client.send_error(Error("request", str(error), id))
-                else:
-                    client.respond(id, self._broadcast.latest, *Answer(text))
 
         self._keep(asyncio.create_task(answer()))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from autodrive.base.cache import make_folder, write_file
+from autodrive.base.texts import with_encodable_texts
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
@@ -216,7 +217,7 @@ def _finish(campaign: Campaign, folder: Path, table: Table, is_complete: bool) -
 
     rows = table.finish()
     numbers = summary(campaign, rows)
-    write_file(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
+    write_file(folder / "summary.json", json.dumps(with_encodable_texts(numbers), indent=2) + "\n")
     write_file(folder / "report.html", report(campaign, rows, numbers))
     return Outcome(folder, numbers, is_complete)
 

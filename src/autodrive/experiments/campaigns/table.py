@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from autodrive.base.cache import make_folder, new_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
+from autodrive.base.texts import encodable
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
 
@@ -40,8 +41,10 @@ class Table:
     """
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
-        """Raises `AutodriveError` if pyarrow is not installed."""
+        """Raises `AutodriveError` if pyarrow is not installed, or cannot open files in the folder."""
         self._parquet = _parquet()
+        if (name := encodable(str(folder))) != str(folder):
+            raise AutodriveError(f"the name '{name}' is not UTF-8: choose another folder for the results (--output)")
         self._campaign = campaign
         self.path = folder / "table.parquet"
         self._parts, self._earlier = folder / "parts", folder / "earlier"

@@ -8,6 +8,9 @@ import pickle
 import signal
 import subprocess
 import threading
+import time
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,8 +25,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-RESTARTS = 3
-"""A worker that ends unexpectedly is started again this often in the life of a world."""
+RESTARTS, RESTART_PERIOD = 3, 3600.0
+"""A worker that ends unexpectedly is started again this often in that wall time [s]."""
 
 SHUTDOWN_TIME = 5.0
 """A worker that has not ended after that wall time is killed [s]."""
@@ -46,14 +49,14 @@ class Waiting(NamedTuple):
 class RenderProcess:
     """Draws one request after the other, each client in turn; a thread of its own talks to the worker.
 
-    If the worker dies, or is killed because it does not answer, a new one draws the same request, `RESTARTS` times.
-    After that, or if nothing can be drawn, as without OpenGL, one line is logged and each request fails. All methods
+    If the worker dies, or is killed because it does not answer, a new one draws the same request, `RESTARTS` times in
+    an hour. After that, or if nothing can be drawn, as without OpenGL, one line is logged and each request fails. All methods
     may be called in any thread; only `wait` and `close` wait.
     """
 
-    def __init__(self, rig: CameraRig, subject: str) -> None:
+    def __init__(self, rig: CameraRig, subject: str, *, clock: Callable[[], float] = time.monotonic) -> None:
         """`subject`: what is unavailable if the process is, in the plural. Nothing starts yet."""
-        self._rig, self._subject = rig, subject
+        self._rig, self._subject, self._clock = rig, subject, clock
         self._waiting: dict[int, Waiting] = {}
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -66,6 +69,7 @@ class RenderProcess:
         """Why nothing is drawn any more; empty if it is."""
         self.deaths = 0
         """How often the worker has ended unexpectedly."""
+        self._death_times = deque[float](maxlen=RESTARTS + 1)
 
     def start(self) -> None:
         """Start the worker, which `draw` does, too."""
@@ -189,10 +193,12 @@ class RenderProcess:
             raise AutodriveError(self._closed)
         self._has_started.clear()
         self.deaths += 1
-        if self.deaths > RESTARTS:
-            raise self._unavailable(f"their process ended unexpectedly {self.deaths} times, now with {status}")
+        self._death_times.append(self._clock())
+        recent = sum(self._death_times[-1] - one < RESTART_PERIOD for one in self._death_times)
+        if recent > RESTARTS:
+            raise self._unavailable(f"their process ended unexpectedly {recent} times in an hour, now with {status}")
         text = "the process of the %s ended unexpectedly (%s); it is started again (%d of %d)"
-        log.warning(text, self._subject, status, self.deaths, RESTARTS)
+        log.warning(text, self._subject, status, recent, RESTARTS)
         return None
 
     def _end_worker(self) -> None:

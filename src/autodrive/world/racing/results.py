@@ -14,6 +14,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import write_file
+from autodrive.base.texts import with_encodable_texts
 from autodrive.protocol.messages import (
     CheckpointPassed,
     Frame,
@@ -101,7 +102,7 @@ class RaceResult:
 
     def to_json(self) -> str:
         """The content of result.json."""
-        return json.dumps(asdict(self), indent=2) + "\n"
+        return json.dumps(with_encodable_texts(asdict(self)), indent=2) + "\n"
 
     def to_markdown(self) -> str:
         """The content of result.md."""
