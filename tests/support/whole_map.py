@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 import autodrive
-from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics import engine
 from autodrive.physics.model import Shapes
 from autodrive.physics.near import Slots
@@ -34,9 +33,9 @@ def whole_map_world(spec: ScenarioSpec, **arguments: Any) -> World:
 def _with_all(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
     floor, static = spec.worldbody.first_geom(), spec.find_default("static")
     for s in range(len(fixed.kind)):
-        yaw = float(np.arctan2(fixed.rotation[s, 3], fixed.rotation[s, 0]))
         geom = spec.worldbody.add_geom(static, type=int(fixed.kind[s]), size=fixed.size[s], pos=fixed.position[s])
-        geom.quat, geom.friction = quaternion_from_yaw(yaw), floor.friction
+        mujoco.mju_mat2Quat(geom.quat, fixed.rotation[s])
+        geom.friction = floor.friction
     return spec.compile()
 
 

@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from autodrive.base import yaml_files
+from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes import ground_tiles
 from autodrive.graphics.meshes.map import box_asset, map_asset, map_parts
@@ -17,6 +18,7 @@ from autodrive.scenario.files import read_map
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.ground import MARKING_LABELS, MOST_TILES, SIMPLIFY_TOLERANCE, TILE, floor_extent, tile_size
 from autodrive.scenario.maps.map import compile_map, load_map
+from autodrive.scenario.maps.props import SIGNS, PropSpec
 from autodrive.scenario.maps.spec import MapSpec, Placement
 
 pytestmark = pytest.mark.slow
@@ -153,13 +155,37 @@ def test_the_drivable_area_is_flat(name):
 def test_solids_look_as_large_as_they_are_hit_or_smaller(name):
     nodes = {node.name: node for node in asset_of("map", name).nodes}
     for shape in load_map(name).statics:
+        if shape.material == "plate":
+            continue
         node = nodes[shape.name]
         points = np.concatenate([s.positions for s in node.surfaces["full"]])
         half = shape.size if shape.material != "post" else (shape.size[0], shape.size[0], shape.size[1])
-        # the octagon of the stop sign is a little larger across its corners
-        assert (np.abs(points).max(0) <= np.array(half) * (1.0 if shape.material != "plate" else 1.09) + 1e-6).all()
+        assert (np.abs(points).max(0) <= np.array(half) + 1e-6).all()
         assert np.allclose(node.position, shape.position)
         assert "shadow" in node.surfaces
+
+
+@pytest.mark.parametrize("kind", SIGNS)
+def test_the_plate_of_a_sign_is_hit_where_it_is_drawn(kind):
+    sign = PropSpec(kind=kind, x=0.3, y=-0.2, yaw_deg=35.0)
+    map_ = load_map(MapSpec(title="Sign", props=(sign,)))
+    (node,) = (node for node in map_asset(map_).nodes if node.name == f"{kind}_1.plate")
+    x, y, z = node.position
+    drawn = []
+    for surface in node.surfaces["full"]:
+        corners = surface.positions[surface.triangles][..., 1:].astype(float)
+        drawn += [shapely.Polygon(triangle) for triangle in corners]
+    solid = []
+    for part in map_.statics:
+        if part.material == "plate":
+            rotation = np.array(rotation_from_quaternion(part.orientation)).reshape(3, 3)
+            c, s = np.cos(sign.pose[2]), np.sin(sign.pose[2])
+            own = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ rotation  # plate from part
+            corners = part.size * np.array([(1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1)])
+            solid.append(shapely.Polygon((corners @ own.T)[:, 1:] + (0.0, part.position[2] - z)))
+            assert np.allclose(part.position[:2], (x, y))
+    drawn, solid = (shapely.union_all([one.buffer(1e-6) for one in parts]) for parts in (drawn, solid))
+    assert shapely.hausdorff_distance(drawn.exterior, solid.exterior, 0.05) < 0.0045
 
 
 def test_town_is_cheap_to_draw():

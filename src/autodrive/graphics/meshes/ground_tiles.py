@@ -34,8 +34,9 @@ Extent: TypeAlias = tuple[float, float, float, float]
 Rings: TypeAlias = tuple[Integers, ...]
 """Of a cell, each of shape (n, 2): the outer one, turning left, then its holes."""
 
-KERB_HEIGHT, KERB_STEP = 0.006, 0.003
-"""Heights of kerb and pavement, and of the face of the kerb towards the road [m]; all outside the drivable area."""
+KERB_HEIGHT, KERB_STEP = 0.0045, 0.003
+"""Heights of kerb and pavement, and of the face of the kerb towards the road [m]; all outside the drivable area. They
+are drawn only: for wheels and LIDARs the ground is level."""
 
 WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
 """As `PAINT` in render/shaders/light.glsl."""

@@ -17,7 +17,7 @@ import resvg_py
 import shapely
 
 from autodrive.base.png import decode_png
-from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.base.transforms import Vector, quaternion_from_yaw
 from autodrive.base.units import DEGREE
 from autodrive.graphics.assets.asset import Asset, AssetNode, Detail, Material, MeshSurface
 from autodrive.graphics.assets.textures import SIZE, texture
@@ -26,7 +26,15 @@ from autodrive.graphics.meshes.solids import box, plate, rotated_by, surface, wi
 from autodrive.graphics.meshes.track import barrier_nodes
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.icons import icon
-from autodrive.scenario.maps.props import HOUSING_DEPTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
+from autodrive.scenario.maps.props import (
+    HOUSING_DEPTH,
+    LAMP_HEIGHTS,
+    PLATE_SIZE,
+    PLATE_THICKNESS,
+    SIGNS,
+    Prop,
+    plate_position,
+)
 from autodrive.scenario.maps.solids import StaticShape
 
 if TYPE_CHECKING:
@@ -53,6 +61,8 @@ LENSES = {
     "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3, emission=(0.15, 5.0, 1.6)),
 }
 """The emission is that of a lit lamp; the values are ours."""
+VISOR_DEPTH = 0.0045
+"""So far does a visor stand out of the housing [m], which is what LIDARs and vehicles hit."""
 CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
 ATLAS = 3
 """Number of sign faces in each row and column of their texture."""
@@ -66,7 +76,10 @@ def solid_nodes(map_: Map) -> Iterator[AssetNode]:
         return
     for shape in map_.statics:
         name, _, part = shape.name.rpartition(".")
-        yield _node(shape, props.get(name) if part == shape.material else None)
+        if part == shape.material == "plate":
+            yield _plate_node(shape.name, props[name])
+        elif shape.material != "plate":
+            yield _node(shape)
         if shape.material == "housing":
             yield from _lenses(shape, name)
 
@@ -80,13 +93,18 @@ def box_asset(size: tuple[float, float, float]) -> Asset:
     return Asset("box", (node,), {"box": _box_texture()})
 
 
-def _node(shape: StaticShape, prop: Prop | None) -> AssetNode:
-    if shape.material == "plate" and prop is not None:
-        surfaces = _plate(prop, shape.size[0])
-    else:
-        surfaces = _LOOKS[shape.material](shape)
+def _node(shape: StaticShape) -> AssetNode:
+    return _placed(shape.name, shape.position, shape.yaw, _LOOKS[shape.material](shape))
+
+
+def _plate_node(name: str, prop: Prop) -> AssetNode:
+    """The whole plate of a sign, of which the shapes are parts."""
+    return _placed(name, plate_position(prop), prop.pose[2], _plate(prop, PLATE_THICKNESS / 2.0))
+
+
+def _placed(name: str, position: Vector, yaw: float, surfaces: tuple[MeshSurface, ...]) -> AssetNode:
     levels: dict[Detail, tuple[MeshSurface, ...]] = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
-    return AssetNode(shape.name, "", shape.position, quaternion_from_yaw(shape.yaw), surfaces=levels)
+    return AssetNode(name, "", position, quaternion_from_yaw(yaw), surfaces=levels)
 
 
 # -- walls and blocks -------------------------------------------------------------------------------------------
@@ -230,7 +248,7 @@ OUTLINES: dict[str, Floats] = {
     "no_parking": _circle(24, 0.48),
     **dict.fromkeys(("left_curve", "right_curve", "side_road_left", "side_road_right"), _DIAMOND),
 }
-"""Outlines of the plates, as in `maps.icons`; all others are square."""
+"""Outlines of the plates, as in `maps.icons` and `maps.props.PLATES`; all others are square."""
 
 
 @cache
@@ -280,7 +298,7 @@ def _visor() -> Mesh:
     """The upper half of a short pipe, with faces on both sides."""
     angle = np.linspace(-0.15, math.pi + 0.15, 9)
     arc = 0.0066 * np.column_stack([np.zeros(9), np.cos(angle), np.sin(angle)])
-    depth = np.array([0.007, 0.0, 0.0])
+    depth = np.array([VISOR_DEPTH, 0.0, 0.0])
     outer = [quad(np.array([a, a + depth, b + depth, b])) for a, b in itertools.pairwise(arc)]
     inner = [quad(piece.positions[::-1]) for piece in outer]
     return joined([*outer, *inner])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from autodrive.graphics.assets.asset import AssetNode, Detail, Material, MeshSurface
 from autodrive.graphics.meshes.polygons import Mesh, joined
@@ -23,13 +24,16 @@ COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
 DUCT = Material("duct", (1.0, 1.0, 1.0), roughness=0.65, texture="duct")
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-FOOT = 0.97
-"""A duct lies on the floor with sides as steep as the box that a vehicle hits: half its width at the floor, at half
-height 1. The upper half is round."""
+SIDE = 2.0 / 3.0
+"""Share of the height of a duct up to which it is drawn as steep as the box that vehicles and LIDARs hit: above the
+LIDARs of all vehicles. From there on it is an arch."""
 PROFILE = (
-    ((-FOOT, -1.0), (-0.8, -0.6)),
-    *(((math.cos(angle), math.sin(angle)),) * 2 for angle in np.linspace(math.pi, 0.0, 7)),
-    ((FOOT, -1.0), (0.8, -0.6)),
+    ((-1.0, -1.0), (-0.8, -0.6)),
+    *(
+        ((math.cos(angle), 2.0 * (SIDE + (1.0 - SIDE) * math.sin(angle)) - 1.0), (math.cos(angle), math.sin(angle)))
+        for angle in np.linspace(math.pi, 0.0, 7)
+    ),
+    ((1.0, -1.0), (0.8, -0.6)),
 )
 """Edges and normals around a duct, from its face over the top to its back: to the back and up, -1 to 1.
 
@@ -40,30 +44,89 @@ STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
 duct."""
 DUCT_FOOT, WALL_FOOT = 0.5, 0.65
 """Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
+BEHIND = 0.001
+"""The back of a barrier is at least this far behind its face [m], and begins to look for other faces there."""
 RING_PERIOD = 0.5
 """Distance between the dark rings of a duct, about [m]; its texture has one."""
 
 
 def barrier_nodes(track: Track) -> Iterator[AssetNode]:
     """Nodes 'barrier_<i>', each a few metres of a barrier."""
-    number = 0
-    for barrier in barriers(track):
-        for points, normals, depth, first, last in _chunks(barrier):
-            number += 1
-            line, height = (points, normals, depth), track.barrier.height
+    for number, levels in enumerate(_levels(track), 1):
+        yield AssetNode(f"barrier_{number}", surfaces=levels)
+
+
+def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
+    """The surfaces of each node."""
+    height = track.barrier.height
+    found = barriers(track)
+    for barrier, back in zip(found, _backs(found) if found else [], strict=True):
+        for part, first, last in _chunks(barrier):
+            line = (barrier.points[part], back[part], height)
             if track.barrier.kind == "duct":
-                levels: dict[Detail, tuple[MeshSurface, ...]] = {
-                    detail: _duct(*line, height, first, last, detail) for detail in STEPS
-                }
+                yield {detail: _duct(*line, first, last, detail) for detail in STEPS}
             else:
-                levels = dict.fromkeys(STEPS, _wall(*line, height))
-            yield AssetNode(f"barrier_{number}", surfaces=levels)
+                yield dict.fromkeys(STEPS, _wall(*line))
+        for piece in _pieces_beyond_the_ends(barrier):
+            yield {detail: _duct(*piece, height, True, True, detail) for detail in STEPS}
 
 
-def _chunks(barrier: Barrier) -> Iterator[tuple[Floats, Floats, Floats, bool, bool]]:
-    """Points of the face, directions to the back (mitred), depth at the points; whether it begins or ends there."""
-    points = barrier.points
-    step = np.diff(points, axis=0)
+def _pieces_beyond_the_ends(barrier: Barrier) -> Iterator[tuple[Floats, Floats]]:
+    """Face and vectors to the back edge of each solid piece that is farther out than the end of a duct beside it.
+
+    If a duct begins or ends at a corner, the square end of the piece behind the corner shows in the gap.
+    """
+    if barrier.is_closed:
+        return
+    step = np.diff(barrier.points, axis=0)
+    ahead = step / np.linalg.norm(step, axis=1)[:, None]
+    back = np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
+    is_beyond = np.zeros(len(back), bool)
+    for end, outward in ((barrier.points[0], -ahead[0]), (barrier.points[-1], ahead[-1])):
+        for corner in (barrier.points[:-1] + back, barrier.points[1:] + back):
+            is_beside = np.linalg.norm(corner - end, axis=1) < 2.0 * barrier.depth
+            is_beyond |= is_beside & ((corner - end) @ outward > 2.0 * BEHIND)
+    for k in np.flatnonzero(is_beyond).tolist():
+        yield barrier.points[k : k + 2], back[[k, k]]
+
+
+def _backs(found: list[Barrier]) -> list[Floats]:
+    """For each barrier the vectors from its points to its back edge [m], shape (n, 2), with mitred corners.
+
+    They are shorter where the back would else reach through another face into the free space: a mitred corner is
+    farther behind its face than the solid pieces, which have square ends.
+    """
+    mitres, depths = zip(*(_mitres(barrier) for barrier in found), strict=True)
+    mitre, depth, points = np.vstack(mitres), np.concatenate(depths), np.vstack([one.points for one in found])
+    is_start = np.ones(len(points), bool)
+    is_start[np.cumsum([len(one.points) for one in found]) - 1] = False
+    a = np.flatnonzero(is_start)
+    tree = shapely.STRtree(_lines(points[a], points[a + 1]))
+    todo = a
+    while len(todo):
+        ends = [(points[i], mitre[i], depth[i, None]) for i in (todo, todo + 1)]
+        (a0, a1), (b0, b1) = ((at + BEHIND * back, at + deep * back) for at, back, deep in ends)
+        reaches, _ = tree.query(_lines(a0, a1, b1, b0), predicate="intersects")
+        todo = todo[np.unique(reaches)]
+        todo = todo[np.maximum(depth[todo], depth[todo + 1]) > 2.0 * BEHIND]
+        both = np.unique([todo, todo + 1])
+        depth[both] = np.maximum(0.8 * depth[both], 1.5 * BEHIND)
+    splits = np.cumsum([len(one.points) for one in found])[:-1]
+    backs = np.split(mitre * depth[:, None], splits)
+    for barrier, back in zip(found, backs, strict=True):
+        if barrier.is_closed:
+            back[0] = back[-1] = min(back[0], back[-1], key=np.linalg.norm)
+    return backs
+
+
+def _lines(*points: Floats) -> Any:
+    """Lines through the first, second ... points, shape (n, 2) each."""
+    return shapely.linestrings(np.stack(points, axis=1))
+
+
+def _mitres(barrier: Barrier) -> tuple[Floats, Floats]:
+    """At each point of a face: the vector to a line 1 m behind it, mitred, and the thickness of the barrier [m]."""
+    step = np.diff(barrier.points, axis=0)
     step /= np.linalg.norm(step, axis=1)[:, None]
     before = np.vstack([step[-1:] if barrier.is_closed else step[:1], step])
     after = np.vstack([step, step[:1] if barrier.is_closed else step[-1:]])
@@ -73,6 +136,12 @@ def _chunks(barrier: Barrier) -> Iterator[tuple[Floats, Floats, Floats, bool, bo
     stretch = 1.0 / np.maximum(np.sum(along * after, axis=1), 0.5)  # the mitre of a corner, at most twice as long
     thick = np.concatenate([barrier.depth[-1:] if barrier.is_closed else barrier.depth[:1], barrier.depth])
     depth = np.minimum(thick, np.append(barrier.depth, thick[0] if barrier.is_closed else barrier.depth[-1]))
+    return back * stretch[:, None], depth
+
+
+def _chunks(barrier: Barrier) -> Iterator[tuple[slice, bool, bool]]:
+    """The points of each node, and whether the barrier begins or ends there."""
+    points = barrier.points
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     cuts = [0]
     for i in range(1, len(points) - 1):
@@ -80,13 +149,11 @@ def _chunks(barrier: Barrier) -> Iterator[tuple[Floats, Floats, Floats, bool, bo
             cuts.append(i)
     cuts.append(len(points) - 1)
     for a, b in itertools.pairwise(cuts):
-        part = slice(a, b + 1)
-        ends = (a == 0 and not barrier.is_closed, b == len(points) - 1 and not barrier.is_closed)
-        yield points[part], back[part] * stretch[part, None], depth[part], *ends
+        yield slice(a, b + 1), a == 0 and not barrier.is_closed, b == len(points) - 1 and not barrier.is_closed
 
 
-def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[MeshSurface, ...]:
-    behind = points + back * depth[:, None]
+def _wall(points: Floats, back: Floats, height: float) -> tuple[MeshSurface, ...]:
+    behind = points + back
     front = _strip(_at(points, 0.0), _at(points, height))
     rear = _strip(_at(behind, height), _at(behind, 0.0))
     top = _strip(_at(points, height), _at(behind, height))
@@ -95,14 +162,14 @@ def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[M
 
 
 def _duct(
-    points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool, detail: Detail
+    points: Floats, back: Floats, height: float, first: bool, last: bool, detail: Detail
 ) -> tuple[MeshSurface, ...]:
     """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     periods = along / along[-1] * max(1.0, np.round(along[-1] / RING_PERIOD))  # as many whole ones as fit
     rims: list[tuple[Floats, Floats]] = []
     for (outward, up), normal in PROFILE[:: STEPS[detail]]:
-        rim = _at_height(points, back, depth, 0.5 + 0.5 * outward, height * (0.5 + 0.5 * up))
+        rim = _at(points + back * (0.5 + 0.5 * outward), height * (0.5 + 0.5 * up))
         rims.append((rim, _normal(back, *normal)))
     sides = [_strip(low[0], high[0], low[1], high[1], periods=periods) for low, high in itertools.pairwise(rims)]
     caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
@@ -111,10 +178,6 @@ def _duct(
 
 def _at(points: Floats, z: float) -> Floats:
     return np.column_stack([points, np.full(len(points), z)])
-
-
-def _at_height(points: Floats, back: Floats, depth: Floats, share: float, z: float) -> Floats:
-    return _at(points + back * (share * depth)[:, None], z)
 
 
 def _normal(back: Floats, outward: float, up: float) -> Floats:

@@ -12,9 +12,15 @@ import numpy as np
 import shapely
 from pydantic import Field
 
-from autodrive.base.elementary import atan2
+from autodrive.base.elementary import atan2, cos, sin
 from autodrive.base.specs import Coordinate, Degrees, Length, Name, Spec
-from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
+from autodrive.base.transforms import (
+    Quaternion,
+    compose,
+    quaternion_from_euler,
+    quaternion_from_yaw,
+    rotation_from_quaternion,
+)
 from autodrive.base.units import DEGREE
 from autodrive.physics.grid import fixed_grid
 from autodrive.physics.model import BOX, Shapes
@@ -65,18 +71,34 @@ class StaticShape:
     """[rad]."""
     material: str
     """'wall', 'duct', 'block', 'post', 'plate' or 'housing'."""
+    tilt: float = 0.0
+    """Of a box: by how much it is turned about its x axis [rad], before its yaw."""
+
+    @property
+    def orientation(self) -> Quaternion:
+        """Map from shape."""
+        return compose(quaternion_from_yaw(self.yaw), quaternion_from_euler(self.tilt, 0.0, 0.0))
 
     @property
     def plan(self) -> shapely.Polygon:
         """The outline seen from above; for a cylinder the square around it."""
-        length, width = self.size[:2] if self.kind == BOX else (self.size[0], self.size[0])
+        length, width, _ = self._half_extents
         return rectangle((*self.position[:2], self.yaw), 2.0 * length, 2.0 * width)
 
     @property
     def span(self) -> tuple[float, float]:
         """Heights of the bottom and of the top [m]."""
-        half = self.size[2] if self.kind == BOX else self.size[1]
+        half = self._half_extents[2]
         return self.position[2] - half, self.position[2] + half
+
+    @property
+    def _half_extents(self) -> tuple[float, float, float]:
+        """Along x and y of its pose and along z [m]."""
+        length, width, height = self.size
+        if self.kind != BOX:
+            return length, length, width
+        c, s = abs(cos(self.tilt)), abs(sin(self.tilt))
+        return length, c * width + s * height, s * width + c * height
 
 
 @dataclass(frozen=True)
@@ -111,7 +133,7 @@ def fixed_shapes(statics: Sequence[StaticShape]) -> Shapes:
     kind = np.array([one.kind for one in statics], dtype=np.int64)
     size = np.array([one.size for one in statics], dtype=np.float64).reshape(n, 3)
     position = np.array([one.position for one in statics], dtype=np.float64).reshape(n, 3)
-    rotations = [rotation_from_quaternion(quaternion_from_yaw(one.yaw)) for one in statics]
+    rotations = [rotation_from_quaternion(one.orientation) for one in statics]
     rotation = np.array(rotations, dtype=np.float64).reshape(n, 9)
     return Shapes(
         kind=kind,

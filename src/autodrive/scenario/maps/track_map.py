@@ -21,8 +21,8 @@ from autodrive.scenario.tracks.track import BarrierSpec, Track
 
 OVERLAP = 0.001
 """Pieces are longer by this at both ends [m], so that no ray passes between two of them."""
-THINNEST = 0.01
-"""Of a wall with another face behind it [m]."""
+THINNEST = 0.005
+"""Of a wall with another face behind it [m]: at the tip of a spike the square end of a piece stands out so far."""
 START_LINE_WIDTH = 0.06
 """Of the painted line [m]."""
 
@@ -49,7 +49,8 @@ def barriers(track: Track) -> list[Barrier]:
             name = f"wall_{number}" if len(lines) == 1 else f"wall_{number}_{k}"
             depth = np.full(len(line) - 1, track.barrier.width)
             found.append(Barrier(name, line, depth, track.barrier.length is None))
-    _make_thinner(found)
+    if found:
+        _make_thinner(found)
     return found
 
 
