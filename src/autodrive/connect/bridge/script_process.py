@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import IO
 
-from autodrive.base.child_process import environment
+from autodrive.base.child_process import Group, environment
 from autodrive.base.errors import AutodriveError
 
 _running: set[ScriptProcess] = set()
@@ -26,14 +26,12 @@ class ScriptProcess:
         self._output = output
         with socket.create_server(("127.0.0.1", 0)) as listener:
             self.port: int = listener.getsockname()[1]
-        line = [
-            sys.executable if word == "python" else word.replace("{port}", str(self.port))
-            for word in shlex.split(command)
-        ]
+        words = shlex.split(command)
+        line = [sys.executable if word == "python" else word.replace("{port}", str(self.port)) for word in words]
+        # another Python has packages of its own, which those of this one would replace
+        variables = environment() if line[0] == sys.executable else None
         try:
-            self._process = subprocess.Popen(
-                line, cwd=folder, env=environment(), stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
-            )
+            self._group = Group(line, cwd=folder, env=variables, stdout=output, stderr=subprocess.STDOUT)
         except OSError as error:
             raise AutodriveError(f"the script cannot be started: {error.strerror}: {line[0]}") from None
         _running.add(self)
@@ -41,16 +39,15 @@ class ScriptProcess:
     @property
     def end(self) -> str:
         """How it has ended, with the last line that it printed; empty while it runs."""
-        if (code := self._process.poll()) is None:
+        if (code := self._group.exit_code) is None:
             return ""
         self._output.seek(0)
         lines = self._output.read().decode("utf-8", "replace").strip().splitlines()
         return f"the script ended with exit code {code}" + (f": {lines[-1][:200]}" if lines else "")
 
     def close(self) -> None:
-        """End the script."""
-        self._process.kill()
-        self._process.wait()
+        """End the script, and all processes that it started."""
+        self._group.close()
         _running.discard(self)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from autodrive.base.cache import make_folder, write_file
+from autodrive.base.child_process import cpu_count
 from autodrive.base.texts import with_encodable_texts
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
@@ -196,7 +196,7 @@ def run_search(
 
 def local_executor(campaign: Campaign, workers: int | None) -> Executor:
     """Worker processes: as many as there are processors by default; with 0 in this process."""
-    workers = (os.cpu_count() or 1) if workers is None else workers
+    workers = cpu_count() if workers is None else workers
     return LocalExecutor(campaign, workers) if workers else InProcessExecutor(campaign)
 
 
