@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
+import shlex
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,7 +14,7 @@ import pytest
 
 import autodrive
 from autodrive.recording import Recorder
-from tests.support.command_line import Started
+from tests.support.command_line import AUTODRIVE, Started
 from tests.support.waiting import is_alive, wait_until
 
 PROGRAM = """
@@ -56,3 +60,30 @@ def test_a_signal_ends_a_command_without_tearing_its_modules_down(
     if arguments[0] == "race":
         assert Path("race", "lines.png").exists()
         wait_until(lambda: not is_alive(int(Path("pid").read_text())))
+
+
+RUN = ["run", "plane", "--headless", "--summary", "summary.json", "--duration"]
+
+
+def shell(arguments: list[str], reader: str, folder: Path) -> subprocess.Popen[bytes]:
+    """A shell with a pipe, as a group of its own like that of a terminal."""
+    line = f"exec 2>&1; {shlex.join([*AUTODRIVE, *arguments])} | {reader}"
+    return subprocess.Popen(["sh", "-c", line], cwd=folder, stdout=subprocess.PIPE, start_new_session=True)
+
+
+@pytest.mark.process
+def test_the_summary_is_written_if_the_reader_of_the_output_has_ended(tmp_path: Path) -> None:
+    with shell([*RUN, "2"], "head -1", tmp_path) as process:
+        process.communicate()
+    assert json.loads((tmp_path / "summary.json").read_text())["ended_by"] == "duration"
+
+
+@pytest.mark.process
+def test_the_summary_is_written_if_ctrl_c_ends_the_reader_of_the_output_too(tmp_path: Path) -> None:
+    with shell([*RUN, "1000"], "tee log.txt", tmp_path) as process:
+        assert process.stdout is not None
+        while b"press Ctrl-C" not in process.stdout.readline():
+            pass
+        os.killpg(process.pid, signal.SIGINT)
+    wait_until((tmp_path / "summary.json").exists)
+    assert json.loads((tmp_path / "summary.json").read_text())["ended_by"] == "SIGINT"

@@ -43,7 +43,7 @@ def main(interrupt: Any = None) -> None:
 
     `interrupt`: the handler of Ctrl-C from now on; None: as it is.
     """
-    _accept_all_texts(sys.stdout)
+    sys.stdout, sys.stderr = _lasting(sys.stdout), _lasting(sys.stderr)
     try:
         if interrupt is not None:
             signal.signal(signal.SIGINT, interrupt)
@@ -58,9 +58,6 @@ def main(interrupt: Any = None) -> None:
         code = 130
     except UnicodeEncodeError as error:  # of a library, such as the writer of Parquet files
         code = _fail(f"'{encodable(error.object)}' is not a text in UTF-8, which this command needs: rename the file")
-    except BrokenPipeError:  # the reader of our output has exited
-        sys.stderr.close()
-        code = 141
     except OSError as error:
         if error.errno not in DISK_ERRORS:
             raise
@@ -107,10 +104,41 @@ app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")
 
 
-def _accept_all_texts(stream: Any) -> None:
-    """Write characters that the encoding of the terminal does not have, and names that are not UTF-8, as escapes."""
-    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
-        stream.reconfigure(errors="backslashreplace")
+class LastingStream:
+    """Discards what is written after the reader has ended, as in `autodrive run | head -1`: the command goes on.
+
+    Characters that the encoding does not have, and names that are not UTF-8, are written as escapes.
+    """
+
+    def __init__(self, stream: io.TextIOWrapper) -> None:
+        self._stream = stream
+        if stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """As that of the stream."""
+        try:
+            return self._stream.write(text)
+        except BrokenPipeError:
+            self._discard()
+            return len(text)
+
+    def flush(self) -> None:
+        """As that of the stream."""
+        try:
+            self._stream.flush()
+        except BrokenPipeError:
+            self._discard()
+
+    def _discard(self) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
+def _lasting(stream: Any) -> Any:
+    return LastingStream(stream) if isinstance(stream, io.TextIOWrapper) else stream
 
 
 def _usage(error: Any) -> str:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 import typer.core
 
+from autodrive.cli.narrated import repeated
 from autodrive.cli.options import Force, check_outputs
 
 if TYPE_CHECKING:
     from autodrive.experiments.campaigns.campaign import Campaign
     from autodrive.experiments.campaigns.runs import Outcome
+
+LOG_INTERVAL = 60.0
+"""Without a terminal, a line says each minute how far a campaign is [s]."""
 
 
 class CampaignCommand(typer.core.TyperCommand):
@@ -123,8 +128,15 @@ def _run(
 
         executor = RayExecutor(loaded, ray, workers)
     console = Console(stderr=True, highlight=False)
-    with Progress(*columns, console=console, speed_estimate_period=60.0) as bar:
+    with Progress(*columns, console=console, speed_estimate_period=60.0) as bar, ExitStack() as stack:
         task = bar.add_task("runs", total=trials or len(loaded), rate="")
+        if not console.is_terminal:
+
+            def log() -> None:
+                runs_now = bar.tasks[0]
+                console.print(f"{runs_now.completed:.0f} of {runs_now.total:.0f} runs  {runs_now.fields['rate']}")
+
+            stack.enter_context(repeated(log, LOG_INTERVAL))
 
         class Display(runs.CampaignObserver):
             def progress(self, progress: runs.Progress) -> None:

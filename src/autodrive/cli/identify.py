@@ -47,7 +47,7 @@ def identify(
     check_outputs(output, picture, is_forced=force)
     wanted = [one.strip() for one in free.split(",") if one.strip()]
     found = fit(file, vehicle, wanted, name=name, trials=trials, seed=seed, window=window, threads=threads)
-    typer.echo(found.table())
     found.write(output)
     found.plot(picture)
+    typer.echo(found.table())
     typer.echo(f"wrote {output} and {picture}")

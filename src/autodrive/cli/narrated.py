@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 SILENCE = 3.0
@@ -15,12 +15,23 @@ SILENCE = 3.0
 @contextmanager
 def narrated(text: str) -> Iterator[None]:
     """Inside the `with` block, print the text with the seconds to stderr every `SILENCE`."""
-    is_done = threading.Event()
     began = time.monotonic()
 
     def narrate() -> None:
-        while not is_done.wait(SILENCE):
-            print(f"{text}, {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+        print(f"{text}, {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+
+    with repeated(narrate, SILENCE):
+        yield
+
+
+@contextmanager
+def repeated(say: Callable[[], object], interval: float) -> Iterator[None]:
+    """Inside the `with` block, call `say` in another thread every `interval` [s]."""
+    is_done = threading.Event()
+
+    def narrate() -> None:
+        while not is_done.wait(interval):
+            say()
 
     threading.Thread(target=narrate, name="autodrive-narrator", daemon=True).start()
     try:

@@ -229,13 +229,15 @@ RECORDING_FAILED = 3
 
 
 def _report(summary: Summary, path: Path | None) -> int:
-    """Print the summary, then write it: what was printed stays if the disk is full. The exit code."""
+    """Write the summary, then print it, also if the disk is full. The exit code."""
     from autodrive.base.cache import write_file
     from autodrive.cli.status import print_summary
 
-    print_summary(summary)
-    if path is not None:
-        write_file(path, summary.to_json())
+    try:
+        if path is not None:
+            write_file(path, summary.to_json())
+    finally:
+        print_summary(summary)
     return RECORDING_FAILED if summary.recording is not None and summary.recording.error else 0
 
 
