@@ -70,7 +70,7 @@ GL_WRITERS = (
 """Likewise, with images."""
 FOLDERS = [f"export recording drive.mcap --to {form}" for form in ("csv", "autodrive", "rosbag2", "lerobot", "minari")]
 """Command lines that write a folder, which is never replaced."""
-WITHOUT_OUTPUT = {"list", "check", "weather", "doctor", "replay"}
+WITHOUT_OUTPUT = {"compile", "list", "check", "weather", "doctor", "replay"}
 """Commands that write no file."""
 OTHER_PATHS = {
     "run --folder": "files are saved there from the page, which asks before it replaces one",

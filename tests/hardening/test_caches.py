@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import runpy
 import shutil
@@ -19,6 +20,7 @@ from numba.core import config
 from numba.core.registry import cpu_target
 
 from autodrive.base import jit
+from autodrive.base.cache import Turns
 from autodrive.cli.doctor import run_checks
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
@@ -96,7 +98,7 @@ def test_a_compilation_is_announced_once_unless_its_functions_are_shown(
     with jit.compiling(lambda _: None):
         assert output() == ""
     file.unlink()
-    assert output() == "autodrive: compiling the physics for this machine, once: this takes 10 to 40 s\n"
+    assert output() == f"autodrive: compiling the physics for this machine, once: this takes {jit.DURATION}\n"
     file.unlink()
     assert output() == ""
 
@@ -293,3 +295,49 @@ def test_two_first_starts_at_once_share_one_cache(tmp_path: Path) -> None:
         assert not lines
     assert ended(start(NUMBA_CACHE_DIR=str(tmp_path))) == ("(-0.25, 0.25) []", [])
     assert {path.suffix for path in tmp_path.rglob("*") if path.is_file()} == {".code"}
+
+
+COMPILES = """
+import sys
+from autodrive.base import jit
+from autodrive.scenario.tracks import image
+import numpy as np
+print("ready", flush=True)
+sys.stdin.readline()
+names = []
+with jit.compiling(names.append):
+    image.unfilter(np.ones((2, 4), np.uint8), 1)
+print(*names)
+"""
+
+
+@pytest.mark.process
+def test_processes_that_need_the_same_code_at_once_compile_it_once(tmp_path: Path) -> None:
+    options = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    variables = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    with contextlib.ExitStack() as stack:
+        processes = [
+            stack.enter_context(subprocess.Popen([sys.executable, "-c", COMPILES], env=variables, **options))
+            for _ in range(cases(3, 8))
+        ]
+        for process in processes:
+            assert process.stdout.readline() == "ready\n"
+        for process in processes:
+            process.stdin.write("\n")
+            process.stdin.flush()
+        compiled = [process.communicate()[0].split() for process in processes]
+    names = [name for each in compiled for name in each]
+    assert "unfilter" in names
+    assert len(names) == len(set(names)), compiled
+    assert not [*tmp_path.rglob("*.lock")]
+
+
+def test_a_process_that_ends_in_its_turn_holds_nobody_up(tmp_path: Path) -> None:
+    path = tmp_path / "code"
+    line = "import os, sys; from pathlib import Path; from autodrive.base.cache import Turns"
+    subprocess.run([sys.executable, "-c", f"{line}; Turns().take(Path(sys.argv[1])); os._exit(1)", path], check=False)
+    turns = Turns()
+    assert not turns.take(path)
+    turns.end(path)
+    assert not turns.take(path)
+    turns.end(path)

@@ -31,11 +31,14 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.np import linalg
 
-from autodrive.base.cache import PACKAGE, cache_folder, read_cached, sources, write_cached
+from autodrive.base.cache import PACKAGE, Turns, cache_folder, read_cached, sources, write_cached
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 log = logging.getLogger(__name__)
+
+DURATION = "10 s on a fast machine, two minutes on a slow one"
+"""How long the first start compiles."""
 
 
 def _folder() -> Path:
@@ -137,7 +140,7 @@ def show(function: str) -> None:
 def compiling(progress: Callable[[str], None]) -> Iterator[None]:
     """Calls `progress` with the name of each function that is compiled inside the `with` block.
 
-    Nothing is called if all functions are in the cache. The first run on a machine compiles for 10 to 40 s.
+    Nothing is called if all functions are in the cache. The first run on a machine compiles.
     """
     _watchers.append(progress)
     try:
@@ -153,7 +156,7 @@ def announced() -> Iterator[None]:
 
     def announce(_: str) -> None:
         if _watchers == [announce] and not announcements:
-            announcements.append("compiling the physics for this machine, once: this takes 10 to 40 s")
+            announcements.append(f"compiling the physics for this machine, once: this takes {DURATION}")
             print(f"autodrive: {announcements[0]}", file=sys.stderr, flush=True)
 
     with compiling(announce):
@@ -213,12 +216,16 @@ def _compiled(function: Function, **options: Any) -> Function:
 
 # -- the cache ------------------------------------------------------------------------------------------------------
 
+turns = Turns()
+
 
 class _FileCache(FunctionCache):
     """A checked file for each function and its argument types; without a usable file, the function is compiled.
 
     The file is valid for one version of the function's module and of all modules that it imports, because a function
     also contains those that it calls.
+
+    Processes that need the same file at once take turns: one compiles, and the others load.
 
     Numba's own cache raises for a damaged file or a full disk, and its index can be wrong after two processes have
     written it at once.
@@ -233,6 +240,15 @@ class _FileCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         rtsys.initialize(target_context)  # the rest of `refresh` serves compilations, which call it themselves
         _import_array_functions()
+        found = self._loaded(sig, target_context)
+        path, _ = next(self.files(sig, target_context.codegen()), (None, ""))
+        if found is None and path is not None and turns.take(path):
+            found = self._loaded(sig, target_context)
+            if found is not None:
+                turns.end(path)
+        return found
+
+    def _loaded(self, sig: Any, target_context: Any) -> CompileResult | None:
         for path, key in self.files(sig, target_context.codegen()):
             try:
                 its_key, *content = pickle.loads(read_cached(path))
@@ -250,15 +266,18 @@ class _FileCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         path, key = next(self.files(sig, data.codegen), (None, ""))
-        if path is None or data.lifted or data.library.has_dynamic_globals:
+        if path is None:
             return
         try:
-            write_cached(path, dumps((key, *data._reduce())))
+            if not data.lifted and not data.library.has_dynamic_globals:
+                write_cached(path, dumps((key, *data._reduce())))
         except OSError as error:
             _warn(
                 f"the cache of compiled code cannot be written: {error.strerror}; every start compiles again, unless "
                 f"NUMBA_CACHE_DIR names another folder  ({CACHE})"
             )
+        finally:
+            turns.end(path)
 
     def flush(self) -> None:
         """Nothing: files of other sources have other names."""

@@ -20,6 +20,7 @@ from autodrive.base.texts import encodable
 from autodrive.base.version import __version__
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.campaign import CampaignCommand, campaign
+from autodrive.cli.compiled import compile_
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
@@ -93,6 +94,7 @@ app.command()(new)
 app.command()(urdf)
 app.command()(weather)
 app.command()(doctor)
+app.command("compile")(compile_)
 app.command()(replay)
 app.command()(film)
 app.add_typer(tracks.importing, name="import")

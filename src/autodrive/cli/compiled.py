@@ -1,6 +1,6 @@
-"""Compiles what runs, races and batches need, for the processors of `jit.BASELINE`: `python -m autodrive.cli.compiled`.
+"""The command `compile`, and `python -m autodrive.cli.compiled`, which compiles for the processors of `jit.BASELINE`.
 
-`scripts/release` puts the files into a wheel. They are used with the versions of this environment only.
+`scripts/release` puts the files of the latter into a wheel. They are used with the versions of this environment only.
 """
 
 from __future__ import annotations
@@ -11,17 +11,31 @@ import subprocess
 import sys
 from pathlib import Path
 
-import autodrive
-from autodrive.base import jit
-from autodrive.scenario.scenario import TrafficSpec
-from autodrive.scenario.v2x import V2xSpec
+import typer
 
 LOADED = "--loaded"
 """Option of the processes that `main` starts."""
 
 
+def compile_() -> None:
+    """Compile what runs, races and batches need, before the first start: for containers and array jobs."""
+    from autodrive.base import jit
+
+    names: list[str] = []
+
+    def compiled(name: str) -> None:
+        names.append(name)
+        typer.echo(f"{len(names):4d}  {name}", err=True)
+
+    with jit.compiling(compiled):
+        use()
+    typer.echo(f"compiled {len(names)} functions into {jit.CACHE}" if names else f"all code is in {jit.CACHE}")
+
+
 def main() -> None:
     """Write the files into the folder that the first argument names."""
+    from autodrive.base import jit
+
     if sys.argv[1:] == [LOADED]:
         print_loaded()
         return
@@ -38,6 +52,8 @@ def main() -> None:
 
 def loaded() -> list[Path]:
     """The files of all that Python calls: a first process compiles, what it calls as well, and a second one loads."""
+    from autodrive.base import jit
+
     name, features = jit.BASELINE
     environment = {**os.environ, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": features}
     command = [sys.executable, "-m", __spec__.name, LOADED]
@@ -48,6 +64,8 @@ def loaded() -> list[Path]:
 
 def print_loaded() -> None:
     """Call everything, and print the files that the cache had."""
+    from autodrive.base import jit
+
     used: list[Path] = []
     read = jit.read_cached
 
@@ -63,6 +81,10 @@ def print_loaded() -> None:
 
 def use() -> None:
     """Call what is to be compiled."""
+    import autodrive
+    from autodrive.scenario.scenario import TrafficSpec
+    from autodrive.scenario.v2x import V2xSpec
+
     noisy = autodrive.ScenarioSpec(
         map="mini_map",
         vehicles={

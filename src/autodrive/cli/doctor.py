@@ -133,7 +133,7 @@ def _data() -> Check:
 
 
 def _cache() -> Check:
-    """Cache of compiled code; without it every start compiles for 10 to 40 s."""
+    """Cache of compiled code; without it every start compiles."""
     try:
         from autodrive.base import jit
 

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import typer
 from rich.console import Console
 
+from autodrive.base.jit import DURATION
 from autodrive.cli.narrated import SILENCE
 from autodrive.protocol.ports import PORT
 from autodrive.run.browser import has_screen, open_page, tunnel
@@ -82,7 +83,7 @@ class StatusDisplay(RunObserver):
 
     def compiled(self, function: str) -> None:  # noqa: D102
         if not self._compiled:
-            self.console.print("compiling the physics for this machine: 10 to 40 s, only at the first start")
+            self.console.print(f"compiling the physics for this machine, only at the first start: {DURATION}")
             self._said = self._clock()
         self._compiled += 1
 

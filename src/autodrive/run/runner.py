@@ -123,7 +123,7 @@ class RunObserver:
     """Called during a run, in the thread of `simulate`; a subclass overrides what it needs."""
 
     def compiled(self, function: str) -> None:
-        """A function was compiled; the first start on a machine compiles more than a hundred in 10 to 40 s."""
+        """A function was compiled; the first start on a machine compiles more than a hundred."""
 
     def serving(self, link: str) -> None:
         """The page is served, and shows how far the start is."""
