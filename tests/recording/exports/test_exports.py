@@ -161,7 +161,15 @@ def test_a_bag_is_read_by_rosbags(lap: Recording, tmp_path: Path, form: str) -> 
     assert [counts[topic] for topic in compressed] == [front]
     time, scan = last[f"{root}/scan"]
     assert len(scan.ranges) == 360
-    assert time <= 1_000_000_000
+    assert time == pytest.approx(1_000_000_000, abs=100)  # [ns]: each message is later than the one before it
+    times = [time for of in messages.values() for time, _ in of]
+    assert (min(times), len({*times})) == (1, len(times))  # ROS 1 does not read messages at time 0
+    poses = [
+        (at, one.header.stamp) for at, tf in messages["/tf"] for one in tf.transforms if one.child_frame_id == "odom"
+    ]
+    for at, scan in messages[f"{root}/scan"]:  # its transform comes before it
+        stamp = max((seconds(of) for time, of in poses if time < at), default=-1.0)
+        assert stamp >= seconds(scan.header.stamp)
     assert last[f"{root}/joint_states"][1].name[0]
     truth = last[f"{root}/ground_truth/odom"][1].pose.pose.position
     assert truth.x == pytest.approx(lap["V1/pose/position"][-1, 0], abs=0.1)  # the last state is at most 1/30 s old
@@ -193,6 +201,10 @@ def messages_of(path: Path, form: str) -> dict[str, list[tuple[int, Any]]]:
             content = reader.deserialize(data, connection.msgtype)
             found.setdefault(connection.topic, []).append((time, content))
     return found
+
+
+def seconds(stamp: Any) -> float:
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
 def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: Path) -> None:
@@ -234,7 +246,7 @@ def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: P
     assert (log.vehicle_type, log.time[-1]) == ("nigel", pytest.approx(0.2))
     # a bag of one vehicle and of a part of the time: names as in the whole bag, and nothing before its start
     assert {topic.split("/")[2] for topic in second if re.match("/autodrive/(?!tl_)", topic)} == {"nigel_2"}
-    assert min(time for messages in second.values() for time, _ in messages) == 600_000_000
+    assert min(time for messages in second.values() for time, _ in messages) == 600_000_000  # [ns]
     (_, imu), *_ = second["/autodrive/nigel_2/imu"]
     noise = load_vehicle("nigel").sensors.imu.noise.angular_velocity
     assert imu.angular_velocity_covariance[0] == pytest.approx(max(noise.sigma**2 + noise.step**2 / 12.0, 1e-9))

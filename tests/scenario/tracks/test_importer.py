@@ -73,6 +73,13 @@ def test_an_exported_track_is_imported_as_it_was(bean: Track, folder: Path) -> N
         assert shapely.LinearRing(wall).is_ccw == is_outer
 
 
+def test_scripts_that_skip_three_lines_of_an_exported_race_line_get_all_its_points(bean: Track, folder: Path) -> None:
+    """The files of f1tenth_racetracks have three lines of comments; f1tenth_gym reads them without, courses skip 3."""
+    for skipped in (0, 3):
+        rows = np.loadtxt(folder / "bean_raceline.csv", delimiter=";", skiprows=skipped)
+        np.testing.assert_array_equal(rows, bean.race_line)
+
+
 def test_the_centre_line_of_a_map_alone_is_found(bean: Track, folder: Path) -> None:
     track, warnings = import_track(folder / "bean_map.yaml")
     assert [text for text in warnings if "guesses" in text]
@@ -174,7 +181,7 @@ def test_gaps_between_barriers_are_closed_on_request(bean: Track, folder: Path) 
         ("centerline.csv", r"\A(.*\n.*\n)", r"\g<1>nan, 0, 1, 1\n", "line 3: a value is not a finite number"),
         ("centerline.csv", r"\A(.*\n(.*\n){60})(.*\n)*", r"\1", "the centre line is not closed"),
         ("centerline.csv", r"(, 0\.5, 0\.6\n)", ", 0.5, -0.6\n", "row 1: the widths to the right and to the left"),
-        ("raceline.csv", r"\A(.*\n(.*); .*\n)", r"\1\2\n", "line 3: 6 numbers; the first row has 7"),
+        ("raceline.csv", r"\A((?:#.*\n)+(.*); .*\n)", r"\1\2\n", "line 5: 6 numbers; the first row has 7"),
     ],
 )
 def test_a_wrong_file_is_refused(folder: Path, file: str, pattern: str, text: str, message: str) -> None:

@@ -62,8 +62,6 @@ DEFINITIONS = {
 """Our own messages, without the comments of their files in the folder `ros`."""
 CALLER = "/autodrive_bridge"
 """Node of all connections in a bag of ROS 1."""
-FIRST = 1
-"""Least time of a message [ns]: ROS 1 does not read messages at time 0."""
 INFINITE = QosTime(9223372036, 854775807)
 """The duration that ROS 2 takes as infinite."""
 TRANSFORMS = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
@@ -157,6 +155,8 @@ class _BagNode:
             self._store.serialize_cdr if is_ros2 else self._store.serialize_ros1
         )
         self._connections: dict[str, Any] = {}
+        self._last = 0
+        """Time of the last message [ns]. The first one is later: ROS 1 does not read messages at time 0."""
 
     def __enter__(self) -> _BagNode:
         self._writer.open()
@@ -187,7 +187,8 @@ class _BagNode:
                 name, type_, typestore=self._store, **self._offer(topic)
             )
         data = self._serialize(self._made(type_, message.fields), type_)
-        self._writer.write(self._connections[topic.name], max(round(self.time * 1e9), FIRST), data)
+        self._last = max(round(self.time * 1e9), self._last + 1)  # so that players keep the order
+        self._writer.write(self._connections[topic.name], self._last, data)
 
     def _offer(self, topic: Topic) -> dict[str, Any]:
         """What a player has to offer to subscribers, as the bridge did."""

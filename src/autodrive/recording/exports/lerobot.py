@@ -179,7 +179,9 @@ def _episode_statistics(
     episode = values["episode_index"][:, 0]
     for number in np.unique(episode):
         (rows,) = np.nonzero(episode == number)
-        of = _statistics({name: column[rows] for name, column in values.items()}, [found[i] for i in rows], cameras)
+        of = _statistics(
+            {name: column[rows] for name, column in values.items()}, [found[i] for i in rows.tolist()], cameras
+        )
         for feature, statistics in of.items():
             for name, value in statistics.items():
                 columns.setdefault(f"stats/{feature}/{name}", []).append(value)

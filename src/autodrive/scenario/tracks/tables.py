@@ -81,8 +81,8 @@ def write_centre_line(path: Path, rows: Floats) -> None:
 
 
 def write_race_line(path: Path, rows: Floats) -> None:
-    """Write the CSV file of a race line, as f1tenth_racetracks has it."""
-    _write(path, RACE_LINE, "; ", rows)
+    """Write the CSV file of a race line, as f1tenth_racetracks has it: scripts skip its three lines of comments."""
+    _write(path, f"race line of the AutoDRIVE Simulator\n# SI units, left is positive\n# {RACE_LINE}", "; ", rows)
 
 
 def _write(path: Path, names: str, separator: str, rows: Floats) -> None:
