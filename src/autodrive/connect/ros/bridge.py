@@ -87,6 +87,8 @@ class Bridge:
         self._latest: Update | None = None
         self._is_pending = False
         """Whether the states of the latest update were not published yet."""
+        self._transformed = math.nan
+        """Time of the latest transforms [s]."""
         self._due = 0.0
         self._sent: dict[str, float] = {}
         self._tick = -1
@@ -233,7 +235,8 @@ class Bridge:
         frame, is_due = update.frame, update.is_new and self._clock() >= self._due
         if update.is_new:
             self._begin(update)
-        if is_due or update.scans or update.pictures or frame.events:
+        is_wanted = is_due or update.scans or update.pictures or frame.events
+        if is_wanted and (update.is_new or frame.time != self._transformed):
             self._publish_moving(frame)
         for event in frame.events if update.is_new else ():
             if isinstance(event, Collision) and event.vehicle in self._vehicles:
@@ -263,6 +266,7 @@ class Bridge:
 
     def _publish_moving(self, frame: Frame) -> None:
         """Publish the poses of vehicles, steering and wheels."""
+        self._transformed = frame.time
         moving: list[Transform] = []
         for name, reading in self._own_vehicles(frame):
             vehicle = self._vehicles[name]
