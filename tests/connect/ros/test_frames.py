@@ -134,7 +134,8 @@ def test_a_given_description_that_differs_from_the_vehicle_is_named(
     (text,) = {one for one in caplog.messages if "roboracer_4" in one}
     apart = math.dist((0.1445, 0.0, 0.17525), (0.2733, 0.0, 0.096))  # the LIDAR of Nigel and that of the RoboRacer
     assert "the given robot_description is not that of roboracer_4 in the simulator: " in text
-    assert f"lidar by {apart:.3f} m" in text
+    assert f"lidar by {apart:.3f} m and 0.0 degrees" in text
+    assert "front_camera by 0.205 m and 2.7 degrees" in text  # 7.294 and 10 degrees down
     assert not [one for one in caplog.messages if "nigel_1" in one]
 
 

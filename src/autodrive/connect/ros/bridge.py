@@ -17,7 +17,7 @@ import numpy as np
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.base.suggest import suggest
-from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion
+from autodrive.base.transforms import Quaternion, Vector, yaw_from_quaternion
 from autodrive.connect.ros.command_input import CommandInput
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.devkit_source import DevkitSource
@@ -176,15 +176,16 @@ class Bridge:
 
     def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles, and publish descriptions and static transforms."""
-        self._create(vehicles)
-        for vehicle in self._vehicles.values():
-            vehicle.publish_description()
-            if text := vehicle.contradiction:
-                log.warning("%s", text)
-        self._latest, self._tick = None, -1
-        if self.config.publish_tf and not self.config.is_league:
-            static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
-            self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
+        with self._lock:
+            self._latest, self._tick = None, -1
+            self._create(vehicles)
+            for vehicle in self._vehicles.values():
+                vehicle.publish_description()
+                if text := vehicle.contradiction:
+                    log.warning("%s", text)
+            if self.config.publish_tf and not self.config.is_league:
+                static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
+                self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
 
     def _create(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles."""
@@ -399,7 +400,7 @@ class Bridge:
                 quaternion(given.orientation),
             )
             x, y, _ = pose.position.tolist()
-            self._direct.request(Teleport(vehicle, x, y, euler_from_quaternion(pose.orientation)[2]))
+            self._direct.request(Teleport(vehicle, x, y, yaw_from_quaternion(pose.orientation)))
 
     def _league_subscriptions(self) -> list[Subscription]:
         """The reset of the league: a level, so that one message with true is one reset."""
