@@ -87,6 +87,7 @@ def text(connection: ClientConnection) -> str:
 
 
 def test_two_simulators_get_their_own_answers(echo: Server) -> None:
+    assert not echo.is_connected
     with connect(ADDRESS.format(echo.port)) as one, connect(ADDRESS.format(echo.port)) as other:
         for _ in range(2):
             text(one)
@@ -95,6 +96,9 @@ def test_two_simulators_get_their_own_answers(echo: Server) -> None:
         other.send(bridge_message(b="2"))
         assert text(one) == '42["Bridge",{"a":"1"}]'
         assert text(other) == '42["Bridge",{"b":"2"}]'
+        one.close()
+        assert echo.is_connected
+    wait_until(lambda: not echo.is_connected)
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,11 @@ from msgspec.structs import replace
 import autodrive
 from autodrive import Simulation
 from autodrive.base.yaml_files import find, names
+from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.source import Update, VehicleInfo
+from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.messages import CameraIntrinsics, LoadScenario, Pause, Pose, Reset, Resume, Step
 from autodrive.protocol.native import Picture
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
@@ -28,7 +30,7 @@ from tests.protocol.devkit_frames import frame as frame_of
 from tests.protocol.devkit_frames import scan, vehicle
 from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.transform_tree import Matrix
-from tests.support.waiting import LIMIT, wait_until
+from tests.support.waiting import LIMIT, free_port, wait_until
 
 SHIPPED = names("vehicle")
 URDFS = {car: (ROOT / f"ros/autodrive_description/urdf/{car}.urdf").read_text() for car in ("nigel", "roboracer")}
@@ -55,9 +57,10 @@ def mounts(file: Path) -> dict[str, Matrix]:
 
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The file of a RoboRacer whose LIDAR was moved and turned."""
+    """The file of a RoboRacer whose LIDAR was moved and turned, and whose IMU measures gravity too."""
     car = yaml.safe_load(find("vehicle", "roboracer").read_text())
     car["sensors"]["lidar"]["mount"] = {"position": [0.1, 0.02, 0.2], "rotation_deg": [5.0, -10.0, 90.0]}
+    car["sensors"]["imu"]["measures_specific_force"] = True
     file = tmp_path_factory.mktemp("vehicles") / "moved.yaml"
     file.write_text(yaml.safe_dump(car))
     return file
@@ -121,6 +124,12 @@ def test_a_sensor_that_was_moved_while_the_bridge_runs_has_a_new_frame(
         assert (
             ElementTree.fromstring(node.last("autodrive/moved_1/robot_description")["data"]).attrib["name"] == "moved"
         )
+        for name in ("imu", "imu/data", "imu/data_raw"):  # gravity once, after the car has come to rest
+
+            def upward(name: str = name) -> float:
+                return node.last(f"autodrive/moved_1/{name}")["linear_acceleration"]["z"]
+
+            wait_until(lambda upward=upward: upward() == pytest.approx(9.81, abs=0.01))
     finally:
         simulation.request(LoadScenario("mini_map")).result(LIMIT)
 
@@ -134,7 +143,8 @@ def test_a_given_description_that_differs_from_the_vehicle_is_named(
     (text,) = {one for one in caplog.messages if "roboracer_4" in one}
     apart = math.dist((0.1445, 0.0, 0.17525), (0.2733, 0.0, 0.096))  # the LIDAR of Nigel and that of the RoboRacer
     assert "the given robot_description is not that of roboracer_4 in the simulator: " in text
-    assert f"lidar by {apart:.3f} m" in text
+    assert f"lidar by {apart:.3f} m and 0.0 degrees" in text
+    assert "front_camera by 0.205 m and 2.7 degrees" in text  # 7.294 and 10 degrees down
     assert not [one for one in caplog.messages if "nigel_1" in one]
 
 
@@ -309,6 +319,18 @@ def test_in_devkit_mode_profile_and_vehicle_type_select_the_car(settings: dict[s
     config = Config(mode="devkit", **settings)
     assert config.car.name == car
     assert answered(config, rays).warnings == []
+
+
+def test_in_devkit_mode_a_pause_is_no_end(simulation: Simulation) -> None:
+    simulation.request(Reset()).result(LIMIT)
+    simulation.request(Pause()).result(LIMIT)
+    node, port = Recorder(), free_port()
+    with (
+        running(Config(mode="devkit", port=port, robot_description=URDFS["nigel"]), node),
+        DevkitBridge(simulation, port=port, settings=DevkitSettings(profile="2025")),
+    ):
+        wait_until(lambda: len(node.messages.get("autodrive/nigel_1/odom", ())) > 1)
+    assert late(node) == []
 
 
 def test_in_devkit_mode_another_car_is_reported_once() -> None:

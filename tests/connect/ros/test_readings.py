@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from autodrive.base.transforms import quaternion_from_euler
 from autodrive.connect.ros import Time, readings
 from autodrive.protocol.messages import CameraIntrinsics, ImuReading, LidarScan, RangeReading
 from tests.support.ros.transform_tree import matrix
@@ -44,7 +45,6 @@ DEGREE = math.pi / 180
 @pytest.mark.parametrize("is_turned", [False, True])
 def test_a_scan_message_has_the_same_points(count: int, angle_min: float, increment: float, is_turned: bool) -> None:
     one = scan(count, angle_min, increment)
-    is_turned = is_turned and readings.is_full_circle(one)
     fields = readings.laser_scan(one, "lidar", is_turned=is_turned).fields
     seen = points(fields["ranges"], fields["angle_min"] + is_turned * math.pi, fields["angle_increment"])
     assert seen == pytest.approx(points(one.ranges, angle_min, increment), abs=1e-5)
@@ -100,6 +100,19 @@ def test_covariances_of_the_imu_are_the_squares_of_its_noise() -> None:
     assert fields["linear_acceleration_covariance"].reshape(3, 3) == pytest.approx(0.04 * np.eye(3))
     assert (fields["orientation_covariance"].reshape(3, 3).diagonal() > 0).all(), "zero would mean unknown"
     assert fields["orientation"] == {"x": 0.5, "y": -0.5, "z": 0.5, "w": 0.5}
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (0.3, 0.0, 1.0), (0.0, -0.5, 2.0), (math.pi, 0.0, 0.0)])
+def test_the_imu_of_rep_145_measures_g_upward_at_rest(angles: tuple[float, float, float]) -> None:
+    """In its axes: R^T (0, 0, g), by the Euler angles roll, pitch, yaw; without gravity it measures nothing."""
+    roll, pitch, _ = angles
+    still = ImuReading(1.0, np.array(quaternion_from_euler(*angles)), np.array(angles), np.zeros(3), np.zeros(3))
+    noise = {"imu_orientation": 0.01, "imu_angular_velocity": 0.0, "imu_linear_acceleration": 0.2}
+    fields = readings.imu(still, "imu", noise, added_gravity=9.81).fields
+    x, y, z = -math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)
+    assert [*fields["linear_acceleration"].values()] == pytest.approx([9.81 * x, 9.81 * y, 9.81 * z], abs=1e-9)
+    assert fields["linear_acceleration_covariance"][0] == pytest.approx(0.2**2 + 0.0981**2)  # small angles
+    assert [*readings.imu(still, "imu", noise).fields["linear_acceleration"].values()] == [0.0, 0.0, 0.0]
 
 
 def test_a_raw_imu_has_no_orientation() -> None:

@@ -25,11 +25,16 @@ def test_each_scan_can_be_transformed_before_the_next_one_comes(ros1_session: Ro
 
 def test_a_node_that_starts_in_a_pause_receives_transforms_and_the_description(ros1_session: Ros1) -> None:
     with ros1_session.launch("autodrive.launch", f"port:={ros1_session.port}"), client(ros1_session.port) as sim:
-        time = sim.pause().time
-        with ros1_session.probe() as probe:
-            position, _, stamp = probe.transform("map", "base_link")
-            assert abs(stamp - time) < 1e-6
-            assert abs(position[0] - sim.frame.vehicles["V1"].pose.position[0]) < 1e-6
+        with ros1_session.probe() as early:
+            early.transform("map", "base_link")
+            early.subscribe("/clock", "rosgraph_msgs/Clock")
+            time = sim.pause().time
+            with ros1_session.probe() as late:
+                position, _, stamp = late.transform("map", "base_link")
+                assert abs(stamp - time) < 1e-6
+                assert abs(position[0] - sim.frame.vehicles["V1"].pose.position[0]) < 1e-6
+            early.latest("/clock", early.counts()["/clock"] + 2)  # it comes once a second
+        assert "TF_REPEATED_DATA" not in (ros1_session.folder / "probe.txt").read_text()
         sim.resume()
         with ServerProxy(ros1_session.environment["ROS_MASTER_URI"]) as master:
 

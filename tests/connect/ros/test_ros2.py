@@ -410,6 +410,8 @@ def test_services_read_and_set_entities(ros: Ros2, sim: Client) -> None:
             )
         )
         assert quaternion(state()["orientation"]) == pytest.approx(expected.orientation)
+    zeros = {"position": {"x": 0.0}, "orientation": {"w": 0.0}}
+    assert ros.result("set_entity_state", entity="nigel_1", state={"pose": zeros}) == FAILED
     assert ros.result("get_entity_state", entity="unknown") == NOT_FOUND
     assert ros.result("set_entity_state", entity=names[1], state={"pose": pose}) == UNSUPPORTED
 

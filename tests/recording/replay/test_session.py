@@ -59,6 +59,11 @@ def test_drivers_and_requests_are_refused_with_a_sentence(client: NativeClient) 
     assert "started without recordings" in client.ask("StartRecording")["text"]
 
 
+def test_vehicles_are_described_as_in_a_simulation(client: NativeClient) -> None:
+    assert '<robot name="nigel">' in client.ask("DescribeVehicle", vehicle="V1")["text"]
+    assert "vehicle 'V9' is not known. Known: V1" in client.ask("DescribeVehicle", vehicle="V9")["text"]
+
+
 def test_plots_come_with_the_response(client: NativeClient, drive: Drive) -> None:
     answer = client.ask("PlotRecording", vehicle="V1", plots=["speed"], start=0.0, end=1.0, columns=50)
     curve = answer["curves"]["speed"]

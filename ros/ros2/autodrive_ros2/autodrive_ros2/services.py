@@ -12,7 +12,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
 from autodrive import AutodriveError
-from autodrive.base.transforms import euler_from_quaternion, rotate
+from autodrive.base.transforms import rotate, yaw_from_quaternion
 from autodrive.connect.ros.robot import quaternion
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Pose, Reset, Resume, Step, Teleport
 from autodrive.ros import Bridge, Time
@@ -191,7 +191,7 @@ class Services:
             raise ServiceError(unsupported, f"the frame must be world or map, not '{state.header.frame_id}'")
         if any(getattr(of, axis) for of in (state.twist.linear, state.twist.angular) for axis in "xyz"):
             raise ServiceError(unsupported, "the twist must be 0")
-        at, (_, _, yaw) = state.pose.position, euler_from_quaternion(quaternion(state.pose.orientation))
+        at, yaw = state.pose.position, yaw_from_quaternion(quaternion(state.pose.orientation))
         self._bridge.request(Teleport(vehicles[request.entity], at.x, at.y, yaw))
 
     # -- worlds ---------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import numpy as np
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.base.suggest import suggest
-from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion
+from autodrive.base.transforms import Quaternion, Vector, yaw_from_quaternion
 from autodrive.connect.ros.command_input import CommandInput
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.devkit_source import DevkitSource
@@ -87,6 +87,8 @@ class Bridge:
         self._latest: Update | None = None
         self._is_pending = False
         """Whether the states of the latest update were not published yet."""
+        self._transformed = math.nan
+        """Time of the latest transforms [s]."""
         self._due = 0.0
         self._sent: dict[str, float] = {}
         self._tick = -1
@@ -174,15 +176,16 @@ class Bridge:
 
     def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles, and publish descriptions and static transforms."""
-        self._create(vehicles)
-        for vehicle in self._vehicles.values():
-            vehicle.publish_description()
-            if text := vehicle.contradiction:
-                log.warning("%s", text)
-        self._latest, self._tick = None, -1
-        if self.config.publish_tf and not self.config.is_league:
-            static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
-            self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
+        with self._lock:
+            self._latest, self._tick = None, -1
+            self._create(vehicles)
+            for vehicle in self._vehicles.values():
+                vehicle.publish_description()
+                if text := vehicle.contradiction:
+                    log.warning("%s", text)
+            if self.config.publish_tf and not self.config.is_league:
+                static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
+                self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
 
     def _create(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles."""
@@ -233,7 +236,8 @@ class Bridge:
         frame, is_due = update.frame, update.is_new and self._clock() >= self._due
         if update.is_new:
             self._begin(update)
-        if is_due or update.scans or update.pictures or frame.events:
+        is_wanted = is_due or update.scans or update.pictures or frame.events
+        if is_wanted and (update.is_new or frame.time != self._transformed):
             self._publish_moving(frame)
         for event in frame.events if update.is_new else ():
             if isinstance(event, Collision) and event.vehicle in self._vehicles:
@@ -263,6 +267,7 @@ class Bridge:
 
     def _publish_moving(self, frame: Frame) -> None:
         """Publish the poses of vehicles, steering and wheels."""
+        self._transformed = frame.time
         moving: list[Transform] = []
         for name, reading in self._own_vehicles(frame):
             vehicle = self._vehicles[name]
@@ -395,7 +400,7 @@ class Bridge:
                 quaternion(given.orientation),
             )
             x, y, _ = pose.position.tolist()
-            self._direct.request(Teleport(vehicle, x, y, euler_from_quaternion(pose.orientation)[2]))
+            self._direct.request(Teleport(vehicle, x, y, yaw_from_quaternion(pose.orientation)))
 
     def _league_subscriptions(self) -> list[Subscription]:
         """The reset of the league: a level, so that one message with true is one reset."""

@@ -65,7 +65,8 @@ class Config:
     """Whether the transform from map to odom is published, from ground truth. Switch it off if a localisation node
     publishes it."""
     robot_description: str = ""
-    """URDF of all vehicles: poses of sensors and wheels; '': in direct mode that of each vehicle in the simulator."""
+    """URDF of all vehicles: poses of sensors and wheels; '': in direct mode that of each vehicle in the simulator, in
+    devkit mode that of the car in the package autodrive_description."""
 
     def __post_init__(self) -> None:
         if self.mode not in ("direct", "devkit"):

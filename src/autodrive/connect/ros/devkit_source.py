@@ -273,11 +273,8 @@ class _Vehicle:
         return LidarScan(now, ranges, intensities, begin, step, *limits, rate, 1.0 / rate, 0.0)
 
     def contradiction(self, name: str) -> str:
-        """That the scan is not one of the configured car, the first time; '' otherwise."""
-        car, count = (
-            self._config.car,
-            len(self._state.lidar_range_array if self._state.lidar_range_array is not None else ()),
-        )
+        """That the new scan is not one of the configured car, the first time; '' otherwise."""
+        car, count = self._config.car, 0 if self.new_scan is None else len(self.new_scan.ranges)
         if self._is_checked or count in (car.lidar_rays, car.lidar_rays + 1):
             return ""
         self._is_checked = True

@@ -117,7 +117,7 @@ def laser_scan(scan: LidarScan, frame_id: str, *, is_turned: bool = False) -> Me
     """A sensor_msgs/LaserScan, stamped with the time of its first ray.
 
     The first ray of a scan of 360 degrees points straight ahead, as in the devkits. `is_turned`: the frame points
-    backwards, as in the packages of 2020 to 2023, so the first angle is -pi.
+    backwards, as in the packages of 2020 to 2023, so the angle straight ahead is -pi or pi.
     """
     ranges, intensities, angle_min = scan.ranges, scan.intensities, scan.angle_min
     count = len(ranges)
@@ -126,8 +126,8 @@ def laser_scan(scan: LidarScan, frame_id: str, *, is_turned: bool = False) -> Me
         ranges, intensities = np.roll(ranges, -ahead), np.roll(intensities, -ahead)
         angle_min = angle_min + ahead * scan.angle_increment
         angle_min = (angle_min + math.pi) % (2.0 * math.pi) - math.pi  # 0 but for rounding
-        if is_turned:
-            angle_min -= math.pi
+    if is_turned:
+        angle_min += math.pi if angle_min < -1e-6 else -math.pi
     fields = {
         "header": header(Time.of(max(scan.time - scan.time_increment * (count - 1), 0.0)), frame_id),
         "angle_min": angle_min,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from autodrive.base.transforms import compose, rotate
+from autodrive.base.transforms import compose, inverse, rotate
 from autodrive.connect.ros import readings
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.dead_reckoning import DeadReckoning
@@ -24,7 +24,7 @@ ODOMETRY_DRIFT = 0.02
 """Standard deviation of dead reckoning as a fraction of the distance; tyre slip is the largest part."""
 
 TOLERANCE = 1e-3
-"""Distance between a sensor in a given URDF and in the simulator above which the bridge warns [m]."""
+"""Distance [m] or angle [rad] between a frame in a given URDF and in the simulator above which the bridge warns."""
 
 HALF_TURN = (0.0, 0.0, 0.0, 1.0)
 """About z, wxyz."""
@@ -78,8 +78,8 @@ class VehiclePublisher:
         noise = None if self._config.is_league else self.info.sensor_noise  # the league has fixed variances
         self._publish(topics.imu, lambda: readings.imu(vehicle.imu, imu_frame, noise))
         for topic, has_orientation in ((topics.imu_data, True), (topics.imu_raw, False)):
-            given = {"added_gravity": self.info.missing_gravity, "has_orientation": has_orientation}
-            self._publish(topic, lambda: readings.imu(vehicle.imu, imu_frame, noise, **given))  # noqa: B023 - called at once
+            of_rep_145 = {"added_gravity": self.info.missing_gravity, "has_orientation": has_orientation}
+            self._publish(topic, lambda: readings.imu(vehicle.imu, imu_frame, noise, **of_rep_145))  # noqa: B023 - called at once
         self._publish(topics.odom, lambda: self._odometry(stamp, vehicle))
         for signal, topic in topics.numbers:
             self._publish_number(topic, signal.read(vehicle), vehicle)
@@ -132,11 +132,10 @@ class VehiclePublisher:
 
     def publish_scan(self, scan: LidarScan) -> None:
         """Publish a new scan."""
-        is_turned = self._is_turned and readings.is_full_circle(scan)
         message: list[Message] = []
         for topic in (self.topics.lidar, self.topics.scan):
             if self._node.has_subscribers(topic):
-                message = message or [readings.laser_scan(scan, self.topics.frame("lidar"), is_turned=is_turned)]
+                message = message or [readings.laser_scan(scan, self.topics.frame("lidar"), is_turned=self._is_turned)]
                 self._node.publish(message[0], topic)
 
     def publish_picture(self, camera: str, picture: Picture) -> None:
@@ -200,18 +199,20 @@ class VehiclePublisher:
     @property
     def contradiction(self) -> str:
         """Where the `robot_description` of the configuration differs from that of the simulator; '' if it does not."""
-        own = {frame.child: frame for frame in self._robot.fixed}
-        apart = [
-            f"{frame.child} by {distance:.3f} m"
-            for frame in Robot(self.info.urdf).fixed
-            if (given := own.get(frame.child)) and (distance := math.dist(given.position, frame.position)) > TOLERANCE
-        ]
-        if not apart:
-            return ""
-        return (
-            f"the given robot_description is not that of {self.topics.name} in the simulator: "
-            f"{', '.join(apart)}. Leave robot_description out, then the bridge uses that of the simulator"
-        )
+        given = {frame.child: frame for frame in self._robot.transforms({}) + self._robot.fixed}
+        simulated = Robot(self.info.urdf)
+        apart = []
+        for frame in simulated.transforms({}) + simulated.fixed:
+            if (other := given.get(frame.child)) is None:
+                apart.append(f"{frame.child} is missing")
+                continue
+            distance = math.dist(other.position, frame.position)
+            w, *axis = compose(inverse(other.orientation), frame.orientation)
+            angle = 2.0 * math.atan2(math.hypot(*axis), abs(w))
+            if max(distance, angle) > TOLERANCE:
+                apart.append(f"{frame.child} by {distance:.3f} m and {math.degrees(angle):.1f} degrees")
+        text = f"the given robot_description is not that of {self.topics.name} in the simulator: {', '.join(apart)}. "
+        return text + "Leave robot_description out, then the bridge uses that of the simulator" if apart else ""
 
     def _joints(self, vehicle: VehicleFrame) -> list[Transform]:
         frame = self.topics.frame
