@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
 from autodrive.experiments.envs.settings import (
@@ -18,8 +18,10 @@ from autodrive.experiments.envs.settings import (
     Action,
     Settings,
     action_space,
+    check_changeable,
     check_options,
     commands_of,
+    whole_seed,
     with_traffic,
 )
 from autodrive.experiments.envs.task import OFFENCES, Observation
@@ -64,7 +66,7 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         seen = observation or self.task.observation
         self.observation_space = observation_space(self.task, seen)
         self.action_space = action_space(self.settings)
-        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
+        self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         self._has_camera = seen == "camera"
         self._episodes = Episodes(self.task, seen, 1, offence_cost)
         self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
@@ -75,13 +77,27 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         """The latest Frame of the World, with all that the simulator knows."""
         return self.rendered.world.frame
 
+    @property
+    def conditions(self) -> Conditions:
+        """The weather of the episodes that follow. Setting others raises `SpecError`."""
+        return self._conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self._conditions = checked_conditions(conditions, WEATHER)
+
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Set `conditions`; any other attribute raises `SpecError`."""
+        check_changeable(name)
+        return super().set_wrapper_attr(name, value, force=force)
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
         check_options(options)
-        super().reset(seed=seed)
+        super().reset(seed=whole_seed(seed))
         world_seed = int(self.np_random.integers(2**31))
         start = self.task.start(self.np_random)
-        weather = self._conditions.draw_weather(self.np_random)
+        weather = self.conditions.draw_weather(self.np_random)
         frame = self.rendered.reset(world_seed, start.poses, weather)
         self._episodes.begin(FIRST, [start], self.rendered.cars)
         return self._observation(frame), {}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
@@ -23,13 +24,22 @@ from autodrive.experiments.envs.settings import (
     Action,
     Settings,
     action_space,
+    check_changeable,
     check_options,
     commands_of,
+    whole_seed,
     with_traffic,
 )
 from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
+
+if TYPE_CHECKING:
+    from autodrive.world.batch_camera import BatchCamera
+
+
+MOST_ENVS, MOST_STEPS = 2**20, 2**53
+"""Limits of `num_envs` and `max_episode_steps`."""
 
 
 class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
@@ -40,6 +50,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    drawn_conditions: tuple[str, ...] = WEATHER
+    """Names of the `Conditions` that an episode draws."""
 
     @with_suggestions
     def __init__(
@@ -74,13 +86,19 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
         self.settings = replace(checked, choices=self.task.choices)
-        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
+        self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         seen = observation or self.task.observation
         if render_mode is not None:
             raise SpecError(
                 [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
             )
-        self.num_envs = num_envs
+        if max_episode_steps == -1:  # as in gymnasium.make
+            max_episode_steps = None
+        steps = 1 if max_episode_steps is None else max_episode_steps
+        limits = {"num_envs": (num_envs, 1, MOST_ENVS), "max_episode_steps": (steps, 1, MOST_STEPS)}
+        if errors := whole_number_errors(limits):
+            raise SpecError(errors)
+        self.num_envs = num_envs = int(num_envs)
         self.car_count = len(self.task.scenario.vehicles)
         """Cars of a world."""
         if num_envs % self.car_count:
@@ -92,7 +110,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._max_steps = max_episode_steps
         self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
         """The worlds."""
-        self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
+        self._has_camera = seen == "camera"
         self._episodes = Episodes(self.task, seen, num_envs, offence_cost)
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
@@ -104,20 +122,31 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k.
 
-        Several seeds: one for each world.
+        Several seeds: one for each world. Raises `CommandError` for what is no seed.
         """
         mask = self._mask(options)
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        count = self.batch.n
-        seeds = [seed + k for k in range(count)] if isinstance(seed, int) else seed or [None] * count
-        if len(seeds) != count:
-            raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
+        seeds = _world_seeds(seed, self.batch.n)
+        super().reset(seed=None if np.ndim(seed) else seeds[0])  # pyright: ignore[reportArgumentType]
         for world in np.flatnonzero(self._of_worlds(mask).any(axis=1)).tolist():
             if seeds[world] is not None:
                 self._rngs[world] = seeding.np_random(seeds[world])[0]
         self._begin(mask)
         self._has_ended[mask] = False
         return self._observations(), {}
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the episodes that follow draw: `drawn_conditions`. Setting others raises `SpecError`."""
+        return self._conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self._conditions = checked_conditions(conditions, self.drawn_conditions)
+
+    def set_attr(self, name: str, value: Any) -> None:
+        """Set `conditions` of all environments; any other attribute raises `SpecError`."""
+        check_changeable(name)
+        setattr(self, name, value)
 
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Drive each car with its action for `frame_skip` ticks; what happens at an end says the autoreset mode."""
@@ -153,14 +182,20 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def close_extras(self, **_: Any) -> None:
         """End the threads of the batch, and free the renderer."""
         self.batch.close()
-        if self._camera is not None:
+        if self._has_camera and "_camera" in vars(self):
             self._camera.close()
+
+    @cached_property
+    def _camera(self) -> BatchCamera:
+        """The cameras of all worlds. As late as possible: see `RenderedWorld.world`."""
+        return batch_camera(self.task.scenario)
 
     def _observations(self) -> Any:
         numbers = self._episodes.numbers()
-        if self._camera is None:
+        if not self._has_camera:
             return numbers
-        return {"image": self._camera.render(self.batch.readings), "state": numbers}
+        images = self._camera.render(self.batch.readings, weather=self.batch.weathers)
+        return {"image": images, "state": numbers}
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the environments, shape (num_envs, ...), as those of worlds and cars, shape (worlds, cars, ...)."""
@@ -205,7 +240,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""
-        self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self._conditions))
+        self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self.conditions))
 
     def _weathers(self, worlds: NDArray[np.intp], conditions: Conditions) -> list[Weather] | None:
         """Of new episodes in these worlds; None: that of the scenario."""
@@ -247,6 +282,23 @@ def _masked(values: dict[str, NDArray[Any]], mask: Bools) -> dict[str, NDArray[A
     """An info with these values of the environments of a mask, and the mask of each."""
     masked = {name: np.where(mask, one, np.zeros_like(one)) for name, one in values.items()}
     return masked | {f"_{name}": mask.copy() for name in values}
+
+
+def _world_seeds(seed: object, count: int) -> list[int | None]:
+    """One for each of so many worlds, from one seed or several.
+
+    Raises `CommandError` for what is no seed, `ValueError` for a wrong number of them.
+    """
+    if seed is None:
+        return [None] * count
+    if np.ndim(seed) == 0:  # pyright: ignore[reportArgumentType]
+        first = whole_seed(seed)
+        assert first is not None
+        return [first + k for k in range(count)]
+    seeds = [whole_seed(one) for one in seed]  # pyright: ignore[reportGeneralTypeIssues]
+    if len(seeds) != count:
+        raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
+    return seeds
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from autodrive.base.arrays import Floats
-from autodrive.base.cache import cache_folder, make_folder, write_file
+from autodrive.base.cache import cache_folder, check_writable, make_folder, write_file
 from autodrive.base.elementary import atan2
-from autodrive.base.errors import SpecError
+from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.envs.path import table
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import Pose, Track
@@ -31,6 +33,8 @@ SPACING = 0.05
 class RaceTracks:
     """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
 
+    Where the cache cannot be written, the map is in a temporary folder until this process ends.
+
     `width`: between the barriers, `length`, and `radius`: least of the centre line in curves [m]; of each the least and
     the greatest: each track has its own. `radius` None: see `generate_track`. `area`: of the ground of each track [m].
     Raises `SpecError` if no track fits.
@@ -47,11 +51,12 @@ class RaceTracks:
     ) -> None:
         ranges = (width, length) if radius is None else (width, length, radius)
         folder = cache_folder("race_tracks", "scenario/tracks", also=f"{count} {seed} {ranges} {area} {APART} {ROWS}")
-        self.file = folder / "tracks.yaml"
-        """The map. Its road and its start line are those of the first track; it has the barriers of all."""
-        files = [folder / f"track_{k}.yaml" for k in range(count)]
-        if not all(file.is_file() for file in (self.file, *files)):
+        if not _is_complete(folder, count):
+            folder = _writable(folder)
+        if not _is_complete(folder, count):
             write_tracks(count, seed, ranges, area, folder)
+        self.file, *files = _files(folder, count)
+        """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         tracks = [Track.load(file) for file in files]
         self.length = np.array([track.length for track in tracks])
         """Of the centre lines [m], shape (n,)."""
@@ -66,6 +71,31 @@ class RaceTracks:
         """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""
         x, y, c, s = self.lines[track, place % self.count[track]].tolist()
         return x - lateral * s, y + lateral * c, atan2(s, c)
+
+
+def _files(folder: Path, count: int) -> list[Path]:
+    """The map, and each track."""
+    return [folder / "tracks.yaml", *(folder / f"track_{k}.yaml" for k in range(count))]
+
+
+def _is_complete(folder: Path, count: int) -> bool:
+    return all(file.is_file() for file in _files(folder, count))
+
+
+def _writable(folder: Path) -> Path:
+    """The folder, or a temporary one of the same name if it cannot be written."""
+    try:
+        make_folder(folder)
+        check_writable(folder / "tracks.yaml")
+    except AutodriveError:
+        return Path(_temporary().name, folder.name)
+    return folder
+
+
+@cache
+def _temporary() -> TemporaryDirectory[str]:
+    """Is deleted when this process ends."""
+    return TemporaryDirectory(prefix="autodrive-")
 
 
 def write_tracks(

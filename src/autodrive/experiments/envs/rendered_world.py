@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign, Weather
-from autodrive.world.factory import make
+from autodrive.world.factory import compile_scenario, world_of
 from autodrive.world.observer import Request, ResetTo
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from autodrive.world.batch_camera import BatchCamera
     from autodrive.world.compile import CompiledScenario
     from autodrive.world.simulation import Simulation
+    from autodrive.world.world import World
 
 WIDTH, HEIGHT = 640, 360
 """Of the images of 'rgb_array' [pixels]."""
@@ -78,21 +80,34 @@ class RenderedWorld:
         port: int | None = None,
         is_real_time: bool = True,
     ) -> None:
-        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time."""
-        self._settings = settings
+        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time.
+
+        Raises `SpecError`.
+        """
+        self._settings, self._has_camera = settings, has_camera
         self._port, self._is_real_time = port, is_real_time
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
-        self.world = make(scenario, cameras=self._cameras if has_camera else False)
-        self._offences = OffenceCounter(self.world.vehicle_names)
-        self.world.observers.append(self._offences)
+        self._compiled = compile_scenario(scenario)
+        self._offences = OffenceCounter([*self._compiled.vehicles])
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
         self._open = ExitStack()
-        self._open.callback(self.world.close)
         if settings.render_mode == "human":
             self._serve()
+
+    @cached_property
+    def world(self) -> World:
+        """The World. Raises `GlUnavailable` for cameras without OpenGL.
+
+        It starts when it is first used: until then OpenGL is not, which cannot be used in processes that are forked
+        later, such as those of `gymnasium.vector.AsyncVectorEnv`.
+        """
+        world = world_of(self._compiled, cameras=self._cameras if self._has_camera else False)
+        world.observers.append(self._offences)
+        self._open.callback(world.close)
+        return world
 
     def reset(self, seed: int, poses: Mapping[str, Ground], weather: Weather | None = None) -> Frame:
         """Start an episode; `weather`: None: that of the scenario."""

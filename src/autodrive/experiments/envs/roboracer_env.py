@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Drawn, Drive, Range, whole_number_errors
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Drawn, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.race_tracks import AREA
-from autodrive.experiments.envs.settings import MOST_CARS, Action, check_options
-from autodrive.experiments.envs.task import Observation, Outcome
+from autodrive.experiments.envs.settings import MOST_CARS, Action, check_changeable, check_options, whole_seed
+from autodrive.experiments.envs.task import Observation, Outcome, Task
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
 from autodrive.protocol.commands import is_number
 
@@ -43,6 +43,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     """
 
     task_type: type[TimeTrial] = TimeTrial
+    drawn_conditions = (*Drawn._fields, *WEATHER)
 
     @with_suggestions
     def __init__(
@@ -79,14 +80,14 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             errors.append(f"rivalry: must be a number from 0 to 10, and 0 for a single car, not {rivalry!r}")
         if errors:
             raise SpecError(errors)
-        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
+        conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
             self.task_type(
                 frame_skip,
                 tracks,
                 track_seed,
-                cars,
+                int(cars),
                 laps,
                 width=track_width,
                 length=track_length,
@@ -101,6 +102,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             threads=threads,
             render_mode=render_mode,
         )
+        self.conditions = conditions
         self._driver = Drive(self.batch, frame_skip)
         self.drawn = np.ones((num_envs, len(Drawn._fields)))
         """The conditions of the present episodes, shape (n, 4), in the order of `Drawn`."""
@@ -164,14 +166,24 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
         self.vector.conditions = conditions
 
     @property
+    def task(self) -> Task:
+        """The task, with its scenario and features."""
+        return self.vector.task
+
+    @property
     def distance(self) -> float:
         """Along the centre line since the start of the episode [m]."""
         return float(self.vector.distance[0])
 
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Set `conditions`; any other attribute raises `SpecError`."""
+        check_changeable(name)
+        return super().set_wrapper_attr(name, value, force=force)
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
         check_options(options)
-        super().reset(seed=seed)
+        super().reset(seed=whole_seed(seed))
         observations, _ = self.vector.reset(seed=seed)
         return _first(observations), {}
 
@@ -189,7 +201,7 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
 
         if self._camera is None:
             self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)
-        return np.array(self._camera.render(self.vector.batch.readings)[0])
+        return np.array(self._camera.render(self.vector.batch.readings, weather=self.vector.batch.weathers)[0])
 
     def close(self) -> None:
         """End the threads, and free the renderers."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -85,11 +86,32 @@ def with_traffic(task: Task, cars: int) -> Task:
     return task
 
 
+def whole_seed(seed: object) -> int | None:
+    """The seed of an episode as Gymnasium needs it, which refuses the integers of numpy. Raises `CommandError`."""
+    if seed is None:
+        return None
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or int(seed) < 0:
+        raise CommandError(f"a seed must be a whole number from 0 on, not {seed!r}")
+    return int(seed)
+
+
+CHANGEABLE = "conditions"
+"""The only attribute of an environment that may be set."""
+
+
+def check_changeable(name: str) -> None:
+    """Raises `SpecError` for an attribute that nothing reads after the environment was made."""
+    if name != CHANGEABLE:
+        raise SpecError(
+            [f"{name}: nothing would change. Make a new environment with other settings, or set {CHANGEABLE}"]
+        )
+
+
 def checked_cars(cars: int) -> int:
     """The number of cars of a world. Raises `SpecError`."""
     if errors := whole_number_errors({"cars": (cars, 2, MOST_CARS)}):
         raise SpecError(errors)
-    return cars
+    return int(cars)
 
 
 def check_options(options: Mapping[str, Any] | None, *known: str) -> None:

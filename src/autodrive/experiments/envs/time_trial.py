@@ -100,8 +100,8 @@ class TimeTrial(Task):
         if errors:
             raise SpecError(errors)
         curves = None if radius is None else _ends(radius)
-        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves, area)
-        self._laps = laps
+        self.tracks = RaceTracks(int(tracks), int(track_seed), _ends(width), _ends(length), curves, area)
+        self._laps = int(laps)
         self.scenario = ScenarioSpec(
             map=str(self.tracks.file),
             vehicles={
