@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,17 +19,17 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
+from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
-    TASKS,
     Action,
     Settings,
     action_space,
     check_changeable,
     check_options,
     commands_of,
+    made_task,
     whole_seed,
-    with_traffic,
 )
 from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.protocol.messages import Weather
@@ -66,6 +67,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         frame_skip: int = 5,
         threads: int | None = None,
         render_mode: str | None = None,
+        map: str | Path | None = None,
+        reward: Reward | None = None,
+        end: End | None = None,
         traffic: int = 0,
         offence_cost: float = 0.0,
         fog: Range = 0.0,
@@ -73,6 +77,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         snow: Range = 0.0,
     ) -> None:
         """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
+
+        `map`: name or file of one on which lane keeping drives. `reward`, `end`: functions of an `own_rules.Step`,
+        instead of the reward and the ends of the task.
 
         `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
         speeds and ways of them. `offence_cost`: subtracted from the reward for each red light and stop sign that is
@@ -84,7 +91,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         checked = Settings(name, observation, action, frame_skip, traffic=traffic, offence_cost=offence_cost)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
+        self.task = made_task(task, frame_skip, map, traffic)
         self.settings = replace(checked, choices=self.task.choices)
         self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         seen = observation or self.task.observation
@@ -111,7 +118,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
         """The worlds."""
         self._has_camera = seen == "camera"
-        self._episodes = Episodes(self.task, seen, num_envs, offence_cost)
+        self._episodes = Episodes(self.task, seen, num_envs, offence_cost, reward, end)
+        self._actions = np.zeros((num_envs, 2))
+        """Throttle and steering of the last step."""
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
@@ -153,7 +162,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         ended = self._has_ended
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
-        commands = commands_of(actions, self.settings, self.num_envs)
+        self._actions = commands = commands_of(actions, self.settings, self.num_envs)
         # those that have ended begin again below
         self._drive(self._of_worlds(commands), ~self._of_worlds(ended)[:, 0])
         outcome = self._judge()
@@ -227,7 +236,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _judge(self) -> Outcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
-        return self._episodes.advance(self._cars(), is_unstable)
+        return self._episodes.advance(self._cars(), is_unstable, self._actions)
 
     def _cars(self) -> CarReadings:
         return CarReadings.of_batch(self.batch.readings, self.car_count)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.experiments.envs.task import CarReadings
-from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign, Weather
+from autodrive.protocol.messages import BackOnRoad, Command, Frame, OffRoad, RedLight, Reset, StopSign, Weather
 from autodrive.world.factory import compile_scenario, world_of
 from autodrive.world.observer import Request, ResetTo
 
@@ -48,10 +48,11 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
 
 
 class OffenceCounter:
-    """Counts the events `RedLight` and `StopSign` of each vehicle since the start of an episode."""
+    """Counts the events `RedLight` and `StopSign` of each vehicle in an episode, and knows which are off the road."""
 
     def __init__(self, vehicles: Sequence[str]) -> None:
         self.counts = {name: [0, 0] for name in vehicles}
+        self.off_road: set[str] = set()
 
     def given(self, commands: Mapping[str, Command]) -> None:
         """Nothing to count."""
@@ -60,12 +61,17 @@ class OffenceCounter:
         """A reset begins an episode."""
         if isinstance(request, Reset | ResetTo):
             self.counts = {name: [0, 0] for name in self.counts}
+            self.off_road.clear()
 
     def publish(self, frame: Frame) -> None:
         """Count what happened."""
         for event in frame.events:
             if isinstance(event, RedLight | StopSign):
                 self.counts[event.vehicle][isinstance(event, StopSign)] += 1
+            elif isinstance(event, OffRoad):
+                self.off_road.add(event.vehicle)
+            elif isinstance(event, BackOnRoad):
+                self.off_road.discard(event.vehicle)
 
 
 class RenderedWorld:
@@ -152,7 +158,7 @@ class RenderedWorld:
     @property
     def cars(self) -> CarReadings:
         """What the environments read of the cars."""
-        return CarReadings.of_frame(self.world.frame, self._offences.counts)
+        return CarReadings.of_frame(self.world.frame, self._offences.counts, self._offences.off_road)
 
     def _check_open(self) -> None:
         if self._is_closed:

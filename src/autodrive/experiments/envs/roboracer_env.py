@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -13,10 +14,11 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import WEATHER, Conditions, Drawn, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.race_tracks import AREA
 from autodrive.experiments.envs.settings import MOST_CARS, Action, check_changeable, check_options, whole_seed
 from autodrive.experiments.envs.task import Observation, Outcome, Task
-from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
+from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial, TrackLike
 from autodrive.protocol.commands import is_number
 
 if TYPE_CHECKING:
@@ -34,12 +36,13 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     collides, the race ends for all. `rivalry` adds to the reward of each step the distance that the car gains on the
     mean of its rivals in that step [m], times this factor.
 
-    `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
-    or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
-    width of the track and at least 1 m; `track_area` is the ground of each track along x and y [m]. Each episode is on
-    one of them, by its seed. `friction`, `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`.
-    `conditions` may be replaced at any time, for the episodes that follow. `laps`: after which `info["is_success"]`
-    is true.
+    `track`: name or file of an own track, or several. Without it there are `tracks` random tracks with the seeds
+    `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m] or each with its own from these ranges;
+    `track_radius` is the least of the centre line in curves [m], by default the width of the track and at least 1 m;
+    `track_area` is the ground of each track along x and y [m]. Each episode is on one of the tracks, by its seed.
+    `reward`, `end`: functions of an `own_rules.Step`, instead of the reward and the ends of the task. `friction`,
+    `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for
+    the episodes that follow. `laps`: after which `info["is_success"]` is true.
     """
 
     task_type: type[TimeTrial] = TimeTrial
@@ -53,6 +56,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         cars: int = 1,
         laps: int = 1,
         rivalry: float = 0.0,
+        track: TrackLike | Sequence[TrackLike] | None = None,
+        reward: Reward | None = None,
+        end: End | None = None,
         tracks: int = 3,
         track_seed: int = 0,
         track_width: Range = WIDTH,
@@ -93,7 +99,10 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
                 length=track_length,
                 radius=track_radius,
                 area=track_area,
+                own=track,
             ),
+            reward=reward,
+            end=end,
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,

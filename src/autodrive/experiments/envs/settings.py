@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -77,6 +78,20 @@ class Settings:
         errors += whole_number_errors({"traffic": (self.traffic, 0, MOST_TRAFFIC)})
         if errors:
             raise SpecError(errors)
+
+
+def made_task(task: str | Task, frame_skip: int, map: str | Path | None, traffic: int) -> Task:
+    """The task of that name on that map (None: its own), or one that is already made, with traffic.
+
+    Raises `SpecError` for a map where the task has none.
+    """
+    if map is None:
+        made = TASKS[task](frame_skip) if isinstance(task, str) else task
+    elif task == LaneKeeping.name:
+        made = LaneKeeping(frame_skip, map=map)
+    else:
+        raise SpecError(["map: only lane keeping takes another map; on it, another task is a Task of your own"])
+    return with_traffic(made, traffic)
 
 
 def with_traffic(task: Task, cars: int) -> Task:
