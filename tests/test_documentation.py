@@ -31,6 +31,7 @@ RUN_BY = {
         "yaml": "tests/world/racing/test_race_document.py",
     },
     "learning_to_race.md": {"python": "tests/test_docs.py"},
+    "own_task.md": {"python": "tests/experiments/envs/test_own_task.py"},
     "learning.md": {"python": "tests/experiments/envs/test_document.py"},
     "protocol.md": {"json": "tests/protocol/test_native.py"},
     "python.md": {"python": "tests/connect/devkit/test_python_docs.py"},

@@ -52,3 +52,13 @@ def test_nothing_is_started_for_code_that_is_in_the_cache() -> None:
     jit.resolved(function, 3.0)
     compile_ahead(jit.jit(halved), 3.0)
     assert not jit.awaited
+
+
+def test_nothing_is_compiled_twice_where_the_cache_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(jit, "CACHE", tmp_path / "file" / "cache")
+    original: Any = image.unfilter
+    compile_ahead(jit.jit(original.py_func), np.ones((2, 4), np.uint8), 1)
+    assert not jit.awaited

@@ -1,6 +1,7 @@
 """Reading of YAML files into Specs: all errors of a file are reported at once, each with its location."""
 
 import contextlib
+import pickle
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -143,3 +144,12 @@ def test_no_error_has_the_words_of_pydantic(kind: Kind, name: str) -> None:
 def test_any_text_is_parsed_or_refused_with_a_spec_error(text: str) -> None:
     with contextlib.suppress(SpecError):  # any other exception fails the test
         parse(text, Street)
+
+
+def test_an_error_of_a_file_can_be_sent_to_another_process() -> None:
+    """By pickle, and by Gymnasium, which makes a new error of the one that another process has raised."""
+    error = SpecError(["speed: must be positive", "mass: must be positive"], "car.yaml")
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.errors, copy.path) == (str(error), error.errors, "car.yaml")
+    again: Any = SpecError(copy)
+    assert str(again) == str(error)

@@ -18,11 +18,13 @@ from autodrive.base.child_process import cpu_count, start_module
 def compile_ahead(function: Callable[..., object], *arguments: Any) -> None:
     """Start a process that compiles the function for arguments of these types, unless the cache has the code.
 
-    `jit.resolved` waits for the process and loads its code from the cache; if the process failed, it compiles.
+    `jit.resolved` waits for the process and loads its code from the cache; if the process failed, it compiles. Nothing
+    is started where the cache cannot be written, because the code could not be passed on.
     """
     dispatcher: Any = function
     signature = jit.signature_of(arguments)
-    if cpu_count() == 1 or (dispatcher, signature) in jit.awaited or not jit.must_compile(dispatcher, signature):
+    is_known = (dispatcher, signature) in jit.awaited or not jit.must_compile(dispatcher, signature)
+    if cpu_count() == 1 or is_known or not jit.can_save():
         return
     process = start_module(__name__)
     assert process.stdin is not None

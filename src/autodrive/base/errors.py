@@ -1,5 +1,7 @@
 """Errors that a user can fix: all exceptions that this package raises on purpose are an `AutodriveError`."""
 
+from __future__ import annotations
+
 
 class AutodriveError(Exception):
     """Base of all errors that a user can fix; the message states what is wrong, where, and what would be right."""
@@ -13,12 +15,18 @@ class SpecError(AutodriveError, ValueError):
     """
 
     def __init__(self, errors: list[str], path: str = "") -> None:
+        if not isinstance(errors, list):  # multiprocessing and Gymnasium make a new one of a text or an exception
+            errors = [str(errors)]
         self.errors = errors
         self.path = path
         lines = errors if len(errors) == 1 else [f"{len(errors)} errors:", *(f"  - {error}" for error in errors[:200])]
         if len(errors) > 200:
             lines.append(f"  - and {len(errors) - 200} more")
         super().__init__("\n".join(lines) + (f"  ({path})" if path else ""))
+
+    def __reduce__(self) -> tuple[type[SpecError], tuple[list[str], str]]:
+        """As pickle needs it: its argument is not the text."""
+        return type(self), (self.errors, self.path)
 
 
 class CommandError(AutodriveError):

@@ -136,6 +136,15 @@ def show(function: str) -> None:
         watcher(function)
 
 
+def can_save() -> bool:
+    """Whether the cache can be written."""
+    try:
+        CACHE.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(CACHE, os.W_OK)
+
+
 @contextmanager
 def compiling(progress: Callable[[str], None]) -> Iterator[None]:
     """Calls `progress` with the name of each function that is compiled inside the `with` block.

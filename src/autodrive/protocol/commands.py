@@ -78,7 +78,7 @@ def check_flag(flag: object, subject: str) -> None:
 
 def check_seed(seed: object) -> None:
     """Raises `CommandError` for a number that is not the seed of a random stream."""
-    if not isinstance(seed, Integral) or not 0 <= int(seed) < 2**63:
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or not 0 <= int(seed) < 2**63:
         raise CommandError(f"a seed must be a whole number from 0 to 2^63 - 1, not {reprlib.repr(seed)}")
 
 

@@ -20,7 +20,7 @@ from autodrive import CommandError, SnapshotError, make
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
-from autodrive.experiments.campaigns.keys import RunKeys
+from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.runs import CampaignObserver, Progress
 from autodrive.experiments.campaigns.table import Table
@@ -439,3 +439,12 @@ def test_the_end_prints_the_first_error_and_only_errors_are_exit_code_1(campaign
         ended = call("campaign", one.path or "", "--workers", "0", "--no-cache", "-o", tmp_path / str(code))
         assert ended.returncode == code, ended.stderr
         assert "first error: ValueError: the road is lost  (driver.py, line 17)" in ended.stdout
+
+
+def test_results_are_kept_in_this_process_where_no_file_can_be_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    cache = RowCache(tmp_path / "file" / "rows.sqlite")
+    assert cache.get("key", 0) is None
+    assert "results are not kept for other campaigns" in caplog.text

@@ -13,7 +13,8 @@ from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from autodrive.base.errors import SpecError
+from autodrive.base.errors import CommandError, SpecError
+from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.registration import ROBORACER
@@ -202,8 +203,70 @@ def test_a_wrong_number_of_seeds_is_named() -> None:
         vector_env("NigelParking-v0", 2).reset(seed=[1, 2, 3])
 
 
-def test_images_of_a_vector_environment_are_those_of_single_ones(gl: str) -> None:
-    settings: dict[str, Any] = {"observation": "camera", "max_episode_steps": 3}
+def test_seeds_may_be_integers_of_numpy() -> None:
+    envs, single = vector_env("NigelParking-v0", 2), gymnasium.make("autodrive:NigelParking-v0")
+    for seed in (0, 255):
+        starts = envs.reset(seed=[seed, seed + 1])[0]
+        for same in (seed, np.int64(seed), np.uint8(seed), (seed, seed + 1), np.array([seed, seed + 1])):
+            assert envs.reset(seed=same)[0].tobytes() == starts.tobytes(), same
+        assert single.reset(seed=np.int64(seed))[0].tobytes() == starts[0].tobytes()  # pyright: ignore[reportArgumentType]
+    assert envs.reset()[0].tobytes() != starts.tobytes()
+
+
+@pytest.mark.parametrize("seed", ["", "3", 3.0, True, -1, np.array(3), [1, True], [[1], [2]]])
+def test_what_is_no_seed_is_refused(seed: Any) -> None:
+    with pytest.raises(CommandError, match="a seed must be a whole number from 0 on, not "):
+        vector_env("NigelParking-v0", 2).reset(seed=seed)
+
+
+def test_no_seeds_are_not_the_same_as_no_seed() -> None:
+    with pytest.raises(ValueError, match="there must be 2 seeds, one for each world, not 0"):
+        vector_env("NigelParking-v0", 2).reset(seed=[])
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"num_envs": "2"}, "num_envs: must be a whole number from 1 to"),
+        ({"num_envs": 0}, "num_envs: must be a whole number from 1 to"),
+        ({"max_episode_steps": 0}, "max_episode_steps: must be a whole number from 1 to"),
+        ({"max_episode_steps": 2.5}, "max_episode_steps: must be a whole number from 1 to"),
+    ],
+)
+def test_a_wrong_number_of_environments_or_steps_is_named(settings: dict[str, Any], error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        DrivingVectorEnv(**settings)
+
+
+def test_minus_one_is_no_limit_of_steps_as_in_gymnasium() -> None:
+    envs = vector_env("NigelParking-v0", 1, max_episode_steps=-1)
+    envs.reset(seed=1)
+    assert not envs.step(np.zeros((1, 2), np.float32))[3].any()
+
+
+@pytest.mark.parametrize("id_", [*TASKS, ROBORACER])
+def test_only_what_changes_something_can_be_set(id_: str) -> None:
+    singles = SyncVectorEnv([lambda: gymnasium.make(f"autodrive:{id_}")])
+    vector = vector_env(id_, 1)
+    foggy = Conditions(fog=0.5)
+    for envs in (singles, vector):
+        for name in ("friction", "frame_skip", "traffic", "nonsense"):
+            with pytest.raises(SpecError, match=f"{name}: nothing would change"):
+                envs.set_attr(name, 1)
+        with pytest.raises(SpecError, match=r"must be Conditions\(\.\.\.\), not"):
+            envs.set_attr("conditions", [{"fog": 0.5}] if envs is singles else {"fog": 0.5})
+        if id_ != ROBORACER:
+            with pytest.raises(SpecError, match=r"does not draw friction\. It draws: fog, rain, snow"):
+                envs.set_attr("conditions", Conditions(friction=0.5))
+        envs.set_attr("conditions", foggy)
+    vector.reset(seed=1)
+    assert vector.batch.weathers[0].fog == 0.5
+    assert singles.get_attr("conditions") == (foggy,)
+
+
+@pytest.mark.parametrize("weather", [{}, {"fog": (0.4, 0.8)}])
+def test_images_of_a_vector_environment_are_those_of_single_ones(gl: str, weather: dict[str, Any]) -> None:
+    settings: dict[str, Any] = {"observation": "camera", "max_episode_steps": 3, **weather}
     ours = vector_env("NigelNavigation-v0", 2, autoreset_mode="SameStep", **settings)
     theirs = SyncVectorEnv(
         [lambda: gymnasium.make("autodrive:NigelNavigation-v0", **settings)] * 2, autoreset_mode=AutoresetMode.SAME_STEP

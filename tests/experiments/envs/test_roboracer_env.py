@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -11,10 +12,14 @@ import numpy as np
 import pytest
 
 from autodrive.base.errors import SpecError
+from autodrive.experiments.envs import race_tracks
 from autodrive.experiments.envs.conditions import Conditions
+from autodrive.experiments.envs.crossing_env import CrossingParallelEnv
+from autodrive.experiments.envs.duel_env import DuelParallelEnv
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
+from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
 from autodrive.experiments.envs.time_trial import FAILURE
 from autodrive.scenario.maps.map import load_map
@@ -312,3 +317,23 @@ def test_each_episode_has_its_own_weather() -> None:
     assert ((friction >= 0.7) & (friction <= 0.9)).all()
     with pytest.raises(SpecError, match="fog"):
         RoboRacerVectorEnv(1, fog=(0.0, 2.0))
+
+
+def test_tracks_need_no_folder_that_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = RaceTracks(1, 4, (1.4, 1.4), (40.0, 40.0), None)
+    blocked = tmp_path / "file"
+    blocked.write_text("a file where the cache should be")
+    monkeypatch.setattr(race_tracks, "cache_folder", lambda *_, **__: blocked / "race_tracks")
+    for _ in range(2):
+        tracks = RaceTracks(1, 4, (1.4, 1.4), (40.0, 40.0), None)
+        np.testing.assert_array_equal(tracks.lines, usual.lines)
+        assert load_map(tracks.file).track is not None
+
+
+@pytest.mark.parametrize("id_", [*IDS, ROBORACER, *SEVERAL_CARS])
+def test_every_environment_names_its_features(id_: str) -> None:
+    """As docs/learning.md shows."""
+    parallel: dict[str, Any] = {"NigelCrossing-v0": CrossingParallelEnv, "RoboRacerDuel-v0": DuelParallelEnv}
+    env: Any = parallel[id_]() if id_ in parallel else gymnasium.make(f"autodrive:{id_}", observation="state").unwrapped
+    space = env.observation_space("V1") if id_ in parallel else env.observation_space
+    assert space.shape == (len(observed(env.task, "state")),)

@@ -636,3 +636,15 @@ def test_a_vehicle_that_starts_in_motion_goes_on_as_one_that_has_driven() -> Non
         batch.reset(motions={"V1": [0.0, 0.0, 0.0, 2.0, 0.0]})
     with pytest.raises(CommandError, match=r"the motions of 'V1' must have the shape \(2, 5\)"):
         batch.reset(motions={"V1": [0.0, 0.0]})
+
+
+def test_seeds_of_a_batch_are_plain_integers() -> None:
+    """200 + 99 is more than a uint8 holds."""
+    seed: Any = np.uint8(200)
+    small, usual = (BatchWorld("plane", n=100, seed=one, threads=1) for one in (seed, 200))
+    assert small.readings.lidar_ranges.tobytes() == usual.readings.lidar_ranges.tobytes()
+    assert small._seeds == list(range(200, 300))
+    with pytest.raises(CommandError, match="not 9223372036854775808"):
+        BatchWorld("plane", n=2, seed=2**63 - 1)
+    with pytest.raises(CommandError, match="a seed must be a whole number"):
+        BatchWorld("plane", n=1, seed=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
 import sqlite3
 from collections.abc import Iterable
@@ -17,6 +18,8 @@ from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.scenario.files import files_of
+
+log = logging.getLogger(__name__)
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
@@ -49,13 +52,20 @@ class RunKeys:
 
 
 class RowCache:
-    """Results of all campaigns of this user, by key."""
+    """Results of all campaigns of this user, by key.
+
+    If no file can be written, those of this process only, with a warning.
+    """
 
     def __init__(self, path: Path | None = None) -> None:
         path = path or ROWS
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._rows = sqlite3.connect(path, timeout=60.0)
-        self._rows.execute("PRAGMA journal_mode=WAL")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._rows = sqlite3.connect(path, timeout=60.0)
+            self._rows.execute("PRAGMA journal_mode=WAL")
+        except (OSError, sqlite3.OperationalError) as error:
+            log.warning("results are not kept for other campaigns: %s  (%s)", error, path)
+            self._rows = sqlite3.connect(":memory:")
         self._rows.execute("CREATE TABLE IF NOT EXISTS rows (key TEXT PRIMARY KEY, row TEXT) WITHOUT ROWID")
 
     def get(self, key: str, number: int) -> Result | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
+from numbers import Integral
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -80,6 +81,18 @@ class Conditions:
         return Weather(**{name: _drawn(one, rng) if isinstance(one, tuple) else one for name, one in ranges.items()})
 
 
+def checked_conditions(given: object, names: Collection[str]) -> Conditions:
+    """Conditions of an environment that draws only these. Raises `SpecError`."""
+    if not isinstance(given, Conditions):
+        raise SpecError([f"conditions: must be Conditions(...), not {given!r}"])
+    others = [one.name for one in fields(given) if one.name not in names and getattr(given, one.name) != one.default]
+    if others:
+        raise SpecError(
+            [f"conditions: this environment does not draw {', '.join(others)}. It draws: {', '.join(names)}"]
+        )
+    return given
+
+
 def _drawn(given: Range, rng: np.random.Generator) -> float:
     least, most = given if isinstance(given, tuple) else (given, given)
     return least + (most - least) * float(rng.random())
@@ -99,7 +112,7 @@ def whole_number_errors(given: Mapping[str, tuple[object, int, int]]) -> list[st
     return [
         f"{name}: must be a whole number from {least} to {most}, not {one!r}"
         for name, (one, least, most) in given.items()
-        if isinstance(one, bool) or not isinstance(one, int) or not least <= one <= most
+        if isinstance(one, bool) or not isinstance(one, Integral) or not least <= int(one) <= most
     ]
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -15,21 +17,30 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
+from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
-    TASKS,
     Action,
     Settings,
     action_space,
+    check_changeable,
     check_options,
     commands_of,
-    with_traffic,
+    made_task,
+    whole_seed,
 )
 from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
+
+if TYPE_CHECKING:
+    from autodrive.world.batch_camera import BatchCamera
+
+
+MOST_ENVS, MOST_STEPS = 2**20, 2**53
+"""Limits of `num_envs` and `max_episode_steps`."""
 
 
 class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
@@ -40,6 +51,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    drawn_conditions: tuple[str, ...] = WEATHER
+    """Names of the `Conditions` that an episode draws."""
 
     @with_suggestions
     def __init__(
@@ -54,6 +67,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         frame_skip: int = 5,
         threads: int | None = None,
         render_mode: str | None = None,
+        map: str | Path | None = None,
+        reward: Reward | None = None,
+        end: End | None = None,
         traffic: int = 0,
         offence_cost: float = 0.0,
         fog: Range = 0.0,
@@ -61,6 +77,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         snow: Range = 0.0,
     ) -> None:
         """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
+
+        `map`: name or file of one on which lane keeping drives. `reward`, `end`: functions of an `own_rules.Step`,
+        instead of the reward and the ends of the task.
 
         `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
         speeds and ways of them. `offence_cost`: subtracted from the reward for each red light and stop sign that is
@@ -72,15 +91,21 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         checked = Settings(name, observation, action, frame_skip, traffic=traffic, offence_cost=offence_cost)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
+        self.task = made_task(task, frame_skip, map, traffic)
         self.settings = replace(checked, choices=self.task.choices)
-        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
+        self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         seen = observation or self.task.observation
         if render_mode is not None:
             raise SpecError(
                 [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
             )
-        self.num_envs = num_envs
+        if max_episode_steps == -1:  # as in gymnasium.make
+            max_episode_steps = None
+        steps = 1 if max_episode_steps is None else max_episode_steps
+        limits = {"num_envs": (num_envs, 1, MOST_ENVS), "max_episode_steps": (steps, 1, MOST_STEPS)}
+        if errors := whole_number_errors(limits):
+            raise SpecError(errors)
+        self.num_envs = num_envs = int(num_envs)
         self.car_count = len(self.task.scenario.vehicles)
         """Cars of a world."""
         if num_envs % self.car_count:
@@ -92,8 +117,10 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._max_steps = max_episode_steps
         self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
         """The worlds."""
-        self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
-        self._episodes = Episodes(self.task, seen, num_envs, offence_cost)
+        self._has_camera = seen == "camera"
+        self._episodes = Episodes(self.task, seen, num_envs, offence_cost, reward, end)
+        self._actions = np.zeros((num_envs, 2))
+        """Throttle and steering of the last step."""
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
@@ -104,14 +131,11 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k.
 
-        Several seeds: one for each world.
+        Several seeds: one for each world. Raises `CommandError` for what is no seed.
         """
         mask = self._mask(options)
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        count = self.batch.n
-        seeds = [seed + k for k in range(count)] if isinstance(seed, int) else seed or [None] * count
-        if len(seeds) != count:
-            raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
+        seeds = _world_seeds(seed, self.batch.n)
+        super().reset(seed=None if np.ndim(seed) else seeds[0])  # pyright: ignore[reportArgumentType]
         for world in np.flatnonzero(self._of_worlds(mask).any(axis=1)).tolist():
             if seeds[world] is not None:
                 self._rngs[world] = seeding.np_random(seeds[world])[0]
@@ -119,12 +143,26 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._has_ended[mask] = False
         return self._observations(), {}
 
+    @property
+    def conditions(self) -> Conditions:
+        """What the episodes that follow draw: `drawn_conditions`. Setting others raises `SpecError`."""
+        return self._conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self._conditions = checked_conditions(conditions, self.drawn_conditions)
+
+    def set_attr(self, name: str, value: Any) -> None:
+        """Set `conditions` of all environments; any other attribute raises `SpecError`."""
+        check_changeable(name)
+        setattr(self, name, value)
+
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Drive each car with its action for `frame_skip` ticks; what happens at an end says the autoreset mode."""
         ended = self._has_ended
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
-        commands = commands_of(actions, self.settings, self.num_envs)
+        self._actions = commands = commands_of(actions, self.settings, self.num_envs)
         # those that have ended begin again below
         self._drive(self._of_worlds(commands), ~self._of_worlds(ended)[:, 0])
         outcome = self._judge()
@@ -153,14 +191,20 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def close_extras(self, **_: Any) -> None:
         """End the threads of the batch, and free the renderer."""
         self.batch.close()
-        if self._camera is not None:
+        if self._has_camera and "_camera" in vars(self):
             self._camera.close()
+
+    @cached_property
+    def _camera(self) -> BatchCamera:
+        """The cameras of all worlds. As late as possible: see `RenderedWorld.world`."""
+        return batch_camera(self.task.scenario)
 
     def _observations(self) -> Any:
         numbers = self._episodes.numbers()
-        if self._camera is None:
+        if not self._has_camera:
             return numbers
-        return {"image": self._camera.render(self.batch.readings), "state": numbers}
+        images = self._camera.render(self.batch.readings, weather=self.batch.weathers)
+        return {"image": images, "state": numbers}
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the environments, shape (num_envs, ...), as those of worlds and cars, shape (worlds, cars, ...)."""
@@ -192,7 +236,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _judge(self) -> Outcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
-        return self._episodes.advance(self._cars(), is_unstable)
+        return self._episodes.advance(self._cars(), is_unstable, self._actions)
 
     def _cars(self) -> CarReadings:
         return CarReadings.of_batch(self.batch.readings, self.car_count)
@@ -205,7 +249,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""
-        self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self._conditions))
+        self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self.conditions))
 
     def _weathers(self, worlds: NDArray[np.intp], conditions: Conditions) -> list[Weather] | None:
         """Of new episodes in these worlds; None: that of the scenario."""
@@ -247,6 +291,23 @@ def _masked(values: dict[str, NDArray[Any]], mask: Bools) -> dict[str, NDArray[A
     """An info with these values of the environments of a mask, and the mask of each."""
     masked = {name: np.where(mask, one, np.zeros_like(one)) for name, one in values.items()}
     return masked | {f"_{name}": mask.copy() for name in values}
+
+
+def _world_seeds(seed: object, count: int) -> list[int | None]:
+    """One for each of so many worlds, from one seed or several.
+
+    Raises `CommandError` for what is no seed, `ValueError` for a wrong number of them.
+    """
+    if seed is None:
+        return [None] * count
+    if np.ndim(seed) == 0:  # pyright: ignore[reportArgumentType]
+        first = whole_seed(seed)
+        assert first is not None
+        return [first + k for k in range(count)]
+    seeds = [whole_seed(one) for one in seed]  # pyright: ignore[reportGeneralTypeIssues]
+    if len(seeds) != count:
+        raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
+    return seeds
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range
 from autodrive.experiments.envs.duel import BEST, DRIVEN, Duel
 from autodrive.experiments.envs.settings import Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
@@ -28,6 +28,7 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
     """Many races of two cars: see `autodrive.experiments.envs.duel`."""
 
     task: Duel
+    drawn_conditions = ("noise", *WEATHER)
 
     @with_suggestions
     def __init__(
@@ -64,7 +65,7 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
             frame_skip=frame_skip,
             threads=threads,
         )
-        self._conditions = Conditions(noise=noise, fog=fog, rain=rain, snow=snow)
+        self.conditions = Conditions(noise=noise, fog=fog, rain=rain, snow=snow)
         self._episodes.memory[:, BEST] = np.inf
 
     @property
@@ -87,8 +88,8 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
-        noise = np.array([[self._conditions.draw(one).noise for _ in range(self.car_count)] for one in generators])
-        weathers = self._weathers(worlds, self._conditions)
+        noise = np.array([[self.conditions.draw(one).noise for _ in range(self.car_count)] for one in generators])
+        weathers = self._weathers(worlds, self.conditions)
         self.batch.reset(worlds, seeds, poses=poses, noise=noise, weather=weathers)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.jit import jit
+from autodrive.experiments.envs.own_rules import End, OwnRules, Reward
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH
 from autodrive.experiments.envs.task import Bools, CarReadings, Feature, Observation, Outcome, ScanView, Start, Task
 
@@ -54,9 +55,18 @@ def observation_space(task: Task, observation: Observation) -> spaces.Space[Any]
 class Episodes:
     """The episodes of n cars: `begin` starts some of them, `advance` judges a step of all, `numbers` observes them."""
 
-    def __init__(self, task: Task, observation: Observation, count: int, offence_cost: float = 0.0) -> None:
-        """`offence_cost`: see `Settings`."""
+    def __init__(
+        self,
+        task: Task,
+        observation: Observation,
+        count: int,
+        offence_cost: float = 0.0,
+        reward: Reward | None = None,
+        end: End | None = None,
+    ) -> None:
+        """`offence_cost`: see `Settings`. `reward`, `end`: instead of those of the task. Raises `SpecError`."""
         self._task, self._offence_cost = task, offence_cost
+        self._own = None if reward is end is None else OwnRules(task, count, reward, end)
         self._offences = np.zeros(count, np.int64)
         """Before the last step."""
         self._has_scan = observation == "lidar"
@@ -80,12 +90,22 @@ class Episodes:
         self._features[rows] = features
         self._is_unstable[rows] = False
         self._scan_time[rows] = np.nan
+        if self._own is not None:
+            self._own.begin(rows, cars.rows(rows), memory)
         self._read_scans(cars)
 
-    def advance(self, cars: CarReadings, is_unstable: Bools | None = None) -> Outcome:
-        """Judge a step of all cars. `is_unstable`: whether the physics of a car diverged, which ends its episode."""
-        outcome = new_outcome(len(self.memory))
+    def advance(self, cars: CarReadings, is_unstable: Bools | None = None, actions: Floats | None = None) -> Outcome:
+        """Judge a step of all cars. `is_unstable`: whether the physics of a car diverged, which ends its episode.
+
+        `actions`: throttle and steering, shape (n, 2), for own rewards. Raises `SpecError` for a wrong one.
+        """
+        count = len(self.memory)
+        outcome = new_outcome(count)
         self._task.evaluate(cars, self.memory, self._features, outcome)
+        if self._own is not None:
+            given = np.zeros((count, 2)) if actions is None else np.asarray(actions, np.float64)
+            unknown = np.zeros(count, np.bool_) if is_unstable is None else is_unstable
+            self._own.judge(cars, self.memory, given, outcome, unknown)
         self._read_scans(cars)
         if is_unstable is not None and is_unstable.any():
             self._is_unstable[:] = is_unstable

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import jit
@@ -21,6 +23,22 @@ GOAL = (
 def goal_memory(x: float, y: float, yaw: float) -> tuple[float, ...]:
     """The memory of a goal: x, y [m], cosine and sine of its heading, and a column for what is left to do."""
     return x, y, cos(yaw), sin(yaw), 0.0
+
+
+def to_goal(cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+    """`goal_distance` [m] and `goal_cos`, the cosine of the angle between the headings of car and goal."""
+    distance, aligned = np.empty(len(memory)), np.empty(len(memory))
+    _write_to_goal(cars, memory, distance, aligned)
+    return {"goal_distance": distance, "goal_cos": aligned}
+
+
+@jit
+def _write_to_goal(cars: CarReadings, memory: Floats, distance: Floats, aligned: Floats) -> None:
+    for i in range(len(memory)):
+        c, s = heading(cars, i)
+        x, y = memory[i, 0] - cars.position[i, 0], memory[i, 1] - cars.position[i, 1]
+        distance[i] = math.sqrt(x * x + y * y)
+        aligned[i], _ = turned(memory[i, 2], memory[i, 3], c, s)
 
 
 @jit

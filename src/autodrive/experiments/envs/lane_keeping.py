@@ -10,13 +10,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
+import shapely
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.elementary import atan2, cos, sin
+from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.path import DRIVEN, PLACE, follow, line_features, look_ahead, table
+from autodrive.experiments.envs.path import DRIVEN, PLACE, beside, follow, line_features, look_ahead, table
 from autodrive.experiments.envs.task import (
     MOTION,
     CarReadings,
@@ -28,7 +31,7 @@ from autodrive.experiments.envs.task import (
     write_motion,
 )
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.maps.map import Map, load_map
 
 MAP = "tiny_town"
 HALF_WIDTH = 0.15
@@ -41,6 +44,8 @@ TOP_SPEED = 0.6
 """A car is not faster [m/s]."""
 START_OFFSET, START_ANGLE = 0.05, 0.2
 """Largest of a start [m], [rad]."""
+AHEAD, ROOM = 0.07, 0.2
+"""Of a start on an own map: the middle of the car ahead of the rear axle, and its distance to any obstacle [m]."""
 FAILURE = -1.0
 """Reward of a step that ends an episode."""
 
@@ -48,10 +53,15 @@ KNOWN = len(MOTION)
 
 
 class CentreLine:
-    """The longest loop of lanes of a map, as points at equal distances."""
+    """The longest loop of lanes of a map, as points at equal distances. Raises `SpecError` if there is none."""
 
     def __init__(self, map_: str) -> None:
-        lanes = load_map(map_).lane_graph
+        found = load_map(map_)
+        lanes = found.lane_graph
+        if found.track is not None:
+            raise SpecError([f"map: '{map_}' is a race track: RoboRacer-v0 drives on it, with track={map_!r}"])
+        if not lanes.loops():
+            raise SpecError([f"map: '{map_}' has no closed way of lanes. Close its roads, or write a task of your own"])
         points = lanes.path(lanes.loops()[-1])
         along = np.concatenate([[0.0], np.cumsum(np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1)))])
         self.length = float(along[-1])
@@ -61,6 +71,17 @@ class CentreLine:
         """[m]."""
         self.table = table(along, points, self.count)
         """See `path.table`."""
+        self.free = np.arange(self.count) if map_ == MAP else self._free(found)
+        """Numbers of the points where a car may start."""
+        if len(self.free) == 0:
+            raise SpecError([f"map: '{map_}' has no place on its lanes where a car fits between the obstacles"])
+
+    def _free(self, map_: Map) -> Integers:
+        """Numbers of the points around which nothing stands."""
+        solids = shapely.unary_union([one.plan for one in (*map_.statics, *map_.boxes)])
+        middles = self.table[:, :2] + AHEAD * self.table[:, 2:]
+        is_near = shapely.distance(shapely.points(middles), solids) <= ROOM  # False for NaN: the map has no obstacles
+        return np.flatnonzero(~is_near)
 
     def pose(self, place: int) -> tuple[float, float, float]:
         """x, y [m] and yaw [rad] of a point."""
@@ -80,13 +101,15 @@ class LaneKeeping(Task):
     observation = "state"
     memory_size = 3
 
-    def __init__(self, frame_skip: int, cars: int = 1) -> None:
-        self.line = line = CentreLine(MAP)
+    def __init__(self, frame_skip: int, cars: int = 1, map: str | Path = MAP) -> None:
+        """`map`: name or file of one with a closed way of lanes. Raises `SpecError`."""
+        self.line = line = CentreLine(str(map))
+        starts = [line.pose(int(line.free[k * len(line.free) // cars])) for k in range(cars)]
         self.scenario = ScenarioSpec(
-            map=MAP,
+            map=str(map),
             vehicles={
                 f"V{k + 1}": VehiclePlacement(x=x, y=y, yaw_deg=math.degrees(yaw))
-                for k, (x, y, yaw) in enumerate(line.pose(k * line.count // cars) for k in range(cars))
+                for k, (x, y, yaw) in enumerate(starts)
             },
         )
         self._preview = np.array([round(distance / line.spacing) for distance in PREVIEW])
@@ -99,15 +122,23 @@ class LaneKeeping(Task):
     def starts(self, rng: np.random.Generator) -> list[Start]:
         """A place on the lane for each car, at about equal distances."""
         names = list(self.scenario.vehicles)
-        first = int(rng.integers(self.line.count))
+        free = self.line.free
+        first = int(rng.integers(len(free)))
         starts = []
         for k, name in enumerate(names):
-            place = (first + k * self.line.count // len(names)) % self.line.count
+            place = int(free[(first + k * len(free) // len(names)) % len(free)])
             x, y, yaw = self.line.pose(place)
             aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
             x, y = x - aside * sin(yaw), y + aside * cos(yaw)
             starts.append(Start({name: (x, y, wrapped(yaw + turn))}, (float(place), 0.0, 0.0)))
         return starts
+
+    def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+        """See `Task.measures`."""
+        return {
+            "distance": memory[:, DRIVEN].copy(),
+            **beside(cars, self.line.table[memory[:, PLACE].astype(np.int64)]),
+        }
 
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`. The nearest point is sought around the last one, so that crossings do not matter."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.goal import GOAL, goal_memory, write_goal, write_outcome
+from autodrive.experiments.envs.goal import GOAL, goal_memory, to_goal, write_goal, write_outcome
 from autodrive.experiments.envs.task import (
     MOTION,
     CarReadings,
@@ -81,6 +81,10 @@ class Navigation(Task):
             dx, dy, turn = numbers[2 + 3 * k : 5 + 3 * k]
             poses[name] = (x + JITTER * dx, y + JITTER * dy, math.pi * turn)
         return Start(poses, goal_memory(edge, float(rows[1] - middle), 0.25 * math.pi * numbers[1]))
+
+    def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+        """See `Task.measures`."""
+        return to_goal(cars, memory)
 
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`."""

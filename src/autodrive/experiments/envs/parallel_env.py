@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import Action, Settings, checked_cars, commands_of, with_traffic
+from autodrive.experiments.envs.settings import Action, Settings, checked_cars, commands_of, whole_seed, with_traffic
 from autodrive.experiments.envs.several_cars import Agents
 from autodrive.experiments.envs.task import OFFENCES, Observation, Outcome
 from autodrive.protocol.messages import Command, Frame
@@ -58,7 +58,7 @@ class DrivingParallelEnv(Agents):
         )
         self.task, self.settings = with_traffic(LaneKeeping(frame_skip, checked_cars(cars)), traffic), checked
         super().__init__(self.task, observation_space(self.task, observation), checked)
-        self._conditions = Conditions(fog=fog, rain=rain, snow=snow)
+        self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         self._max_steps = max_episode_steps
         self._episodes = Episodes(self.task, observation, len(self.possible_agents), offence_cost)
         self._rng: np.random.Generator | None = None
@@ -71,16 +71,25 @@ class DrivingParallelEnv(Agents):
         """The latest Frame of the World, with all that the simulator knows."""
         return self.rendered.world.frame
 
+    @property
+    def conditions(self) -> Conditions:
+        """The weather of the episodes that follow. Setting others raises `SpecError`."""
+        return self._conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self._conditions = checked_conditions(conditions, WEATHER)
+
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Start an episode of all agents; without a seed the next one of the same random numbers."""
         if seed is not None or self._rng is None:
-            self._rng = seeding.np_random(seed)[0]
+            self._rng = seeding.np_random(whole_seed(seed))[0]
         world_seed = int(self._rng.integers(2**31))
         starts = self.task.starts(self._rng)
         poses = {name: pose for start in starts for name, pose in start.poses.items()}
-        self.rendered.reset(world_seed, poses, self._conditions.draw_weather(self._rng))
+        self.rendered.reset(world_seed, poses, self.conditions.draw_weather(self._rng))
         self.agents = list(self.possible_agents)
         self._steps = 0
         self._episodes.begin(np.arange(len(starts)), starts, self.rendered.cars)

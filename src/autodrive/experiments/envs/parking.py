@@ -17,7 +17,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.goal import GOAL, goal_memory, write_goal, write_outcome
+from autodrive.experiments.envs.goal import GOAL, goal_memory, to_goal, write_goal, write_outcome
 from autodrive.experiments.envs.task import MOTION, CarReadings, Outcome, Start, Task, uniform, write_motion
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
@@ -58,6 +58,10 @@ class Parking(Task):
         goal = self.goals[int(rng.integers(len(self.goals)))]
         x, y, yaw = (middle + by for middle, by in zip(AISLE, uniform(rng, SPREAD), strict=True))
         return Start({"V1": (x, y, yaw)}, goal_memory(*goal))
+
+    def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+        """See `Task.measures`."""
+        return to_goal(cars, memory)
 
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`."""

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
+from autodrive.base.elementary import atan2
 from autodrive.base.jit import jit
 from autodrive.experiments.envs.task import CarReadings, Feature, heading, turned
 
@@ -71,6 +72,25 @@ def follow(
     memory[PLACE], memory[BEYOND] = place, beyond
     memory[DRIVEN] += progress
     return progress, offset, direction_cos, direction_sin
+
+
+def beside(cars: CarReadings, points: Floats) -> dict[str, Floats]:
+    """`offset` of each car to the left of its nearest point [m], and `angle` from its direction to the left [rad].
+
+    `points`: x, y [m], cosine and sine of the direction there, shape (n, 4).
+    """
+    offset, angle = np.empty(len(points)), np.empty(len(points))
+    _write_beside(cars, points, offset, angle)
+    return {"offset": offset, "angle": angle}
+
+
+@jit
+def _write_beside(cars: CarReadings, points: Floats, offset: Floats, angle: Floats) -> None:
+    for i in range(len(points)):
+        x, y, c, s = points[i]
+        _, offset[i] = turned(cars.position[i, 0] - x, cars.position[i, 1] - y, c, s)
+        ahead, aside = turned(*heading(cars, i), c, s)
+        angle[i] = atan2(aside, ahead)
 
 
 @jit

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from autodrive.base.arrays import Floats
-from autodrive.base.cache import cache_folder, make_folder, write_file
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.cache import cache_folder, check_writable, make_folder, write_file
 from autodrive.base.elementary import atan2
-from autodrive.base.errors import SpecError
+from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.envs.path import table
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import Pose, Track
@@ -26,10 +28,49 @@ DRAWS = 20
 """Of width, length and radius of a track, until one fits on its ground."""
 SPACING = 0.05
 """Of the points of the centre lines [m], about."""
+CAR_ROOM = 0.3
+"""A car that starts up to 0.2 rad off the direction of a track needs so much on both sides of it [m]."""
+MOST_ASIDE = 0.1
+"""Of a start, from the centre line [m]."""
 
 
-class RaceTracks:
+class Tracks:
+    """Tracks side by side in one map."""
+
+    def __init__(self, file: Path, tracks: Sequence[Track]) -> None:
+        """`file`: of the map with all of them."""
+        self.file = file
+        """The map. Its road and its start line are those of the first track; it has the barriers of all."""
+        self.length = np.array([track.length for track in tracks])
+        """Of the centre lines [m], shape (n,)."""
+        self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
+        """Number of points, shape (n,)."""
+        self.lines = np.zeros((len(tracks), int(self.count.max()), 4))
+        """See `path.table`; shape (n, most points, 4)."""
+        self.starts: list[Integers] = []
+        """Of each track: the numbers of the points where a car fits between the barriers."""
+        self.room: list[Floats] = []
+        """Of each track: how far beside each point a car may start [m], at most `MOST_ASIDE`."""
+        for k, (track, count) in enumerate(zip(tracks, self.count.tolist(), strict=True)):
+            self.lines[k, :count] = table(track.line.along, track.line.points, count)
+            widths = np.vstack([track.centre_line[:, 2:], track.centre_line[:1, 2:]]).min(axis=1)
+            at = np.arange(count) * (track.length / count)
+            room = np.interp(at, track.line.along, widths) - CAR_ROOM
+            self.starts.append(np.flatnonzero(room >= 0.0))
+            self.room.append(np.clip(room, 0.0, MOST_ASIDE))
+            if len(self.starts[k]) == 0:
+                raise SpecError([f"track '{track.name}': a car does not fit: it needs {2.0 * CAR_ROOM:g} m"])
+
+    def pose(self, track: int, place: int, lateral: float = 0.0) -> Pose:
+        """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""
+        x, y, c, s = self.lines[track, place % self.count[track]].tolist()
+        return x - lateral * s, y + lateral * c, atan2(s, c)
+
+
+class RaceTracks(Tracks):
     """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
+
+    Where the cache cannot be written, the map is in a temporary folder until this process ends.
 
     `width`: between the barriers, `length`, and `radius`: least of the centre line in curves [m]; of each the least and
     the greatest: each track has its own. `radius` None: see `generate_track`. `area`: of the ground of each track [m].
@@ -47,25 +88,73 @@ class RaceTracks:
     ) -> None:
         ranges = (width, length) if radius is None else (width, length, radius)
         folder = cache_folder("race_tracks", "scenario/tracks", also=f"{count} {seed} {ranges} {area} {APART} {ROWS}")
-        self.file = folder / "tracks.yaml"
-        """The map. Its road and its start line are those of the first track; it has the barriers of all."""
-        files = [folder / f"track_{k}.yaml" for k in range(count)]
-        if not all(file.is_file() for file in (self.file, *files)):
+        if not _is_complete(folder, count):
+            folder = _writable(folder)
+        if not _is_complete(folder, count):
             write_tracks(count, seed, ranges, area, folder)
-        tracks = [Track.load(file) for file in files]
-        self.length = np.array([track.length for track in tracks])
-        """Of the centre lines [m], shape (n,)."""
-        self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
-        """Number of points, shape (n,)."""
-        self.lines = np.zeros((count, int(self.count.max()), 4))
-        """See `path.table`; shape (n, most points, 4)."""
-        for k, track in enumerate(tracks):
-            self.lines[k, : self.count[k]] = table(track.line.along, track.line.points, int(self.count[k]))
+        file, *files = _files(folder, count)
+        super().__init__(file, [Track.load(one) for one in files])
 
-    def pose(self, track: int, place: int, lateral: float = 0.0) -> Pose:
-        """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""
-        x, y, c, s = self.lines[track, place % self.count[track]].tolist()
-        return x - lateral * s, y + lateral * c, atan2(s, c)
+
+class OwnTracks(Tracks):
+    """Tracks of the user: names, files, or tracks that are already made. The map is a file in the cache.
+
+    Raises `SpecError` for what is no track, and for tracks with different barriers.
+    """
+
+    def __init__(self, given: Sequence[str | Path | Track]) -> None:
+        tracks = [one if isinstance(one, Track) else Track.load(one) for one in given]
+        if not tracks:
+            raise SpecError(["track: must be a track or several, not an empty list"])
+        if len({one.barrier for one in tracks}) > 1:
+            raise SpecError(["track: tracks that share a map must have the same barrier"])
+        right, placed = 0.0, []
+        for one in tracks:
+            points = np.vstack([one.centre_line[:, :2], *one.walls])
+            placed.append(one if one is tracks[0] else moved(one, np.array([right + APART - points[:, 0].min(), 0.0])))
+            right = max(right, float(np.vstack([placed[-1].centre_line[:, :2], *placed[-1].walls])[:, 0].max()))
+        text = whole(placed, tracks[0].title).text()
+        folder = _writable(cache_folder("own_tracks", "scenario/tracks", also=text))
+        make_folder(folder)
+        write_file(folder / f"{tracks[0].name}.yaml", text)
+        super().__init__(folder / f"{tracks[0].name}.yaml", placed)
+
+
+def moved(track: Track, by: Floats) -> Track:
+    """The track at another place, `by` x, y [m] from its own, without its race line."""
+    line = track.centre_line + np.array([*by, 0.0, 0.0])
+    return Track(track.name, line, walls=tuple(wall + by for wall in track.walls), barrier=track.barrier)
+
+
+def whole(tracks: Sequence[Track], title: str) -> Track:
+    """One map of several tracks."""
+    walls = tuple(wall for one in tracks for wall in one.walls)
+    return Track("tracks", tracks[0].centre_line, walls=walls, title=title, barrier=tracks[0].barrier)
+
+
+def _files(folder: Path, count: int) -> list[Path]:
+    """The map, and each track."""
+    return [folder / "tracks.yaml", *(folder / f"track_{k}.yaml" for k in range(count))]
+
+
+def _is_complete(folder: Path, count: int) -> bool:
+    return all(file.is_file() for file in _files(folder, count))
+
+
+def _writable(folder: Path) -> Path:
+    """The folder, or a temporary one of the same name if it cannot be written."""
+    try:
+        make_folder(folder)
+        check_writable(folder / "tracks.yaml")
+    except AutodriveError:
+        return Path(_temporary().name, folder.name)
+    return folder
+
+
+@cache
+def _temporary() -> TemporaryDirectory[str]:
+    """Is deleted when this process ends."""
+    return TemporaryDirectory(prefix="autodrive-")
 
 
 def write_tracks(
@@ -73,21 +162,14 @@ def write_tracks(
 ) -> None:
     """Generate the tracks. The map is written last: what it consists of is complete."""
     make_folder(folder)
-    walls: list[Floats] = []
+    file, *files = _files(folder, count)
     tracks: list[Track] = []
-    for k in range(count):
-        one = _track(seed + k, ranges, area)
+    for k, path in enumerate(files):
         column, row = divmod(k, ROWS)
         aside = np.array([column * (area[0] + APART), row * (area[1] + APART)])
-        line = one.centre_line + np.array([*aside, 0.0, 0.0])
-        moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)
-        write_file(folder / f"track_{k}.yaml", moved.text())
-        tracks.append(moved)
-        walls += moved.walls
-    first = tracks[0]
-    title = f"Tracks {seed} to {seed + count - 1}"
-    whole = Track("tracks", first.centre_line, walls=tuple(walls), title=title, barrier=first.barrier)
-    write_file(folder / "tracks.yaml", whole.text())
+        tracks.append(moved(_track(seed + k, ranges, area), aside))
+        write_file(path, tracks[k].text())
+    write_file(file, whole(tracks, f"Tracks {seed} to {seed + count - 1}").text())
 
 
 def _track(seed: int, ranges: Sequence[tuple[float, float]], area: tuple[float, float]) -> Track:

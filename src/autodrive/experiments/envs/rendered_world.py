@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.experiments.envs.task import CarReadings
-from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign, Weather
-from autodrive.world.factory import make
+from autodrive.protocol.messages import BackOnRoad, Command, Frame, OffRoad, RedLight, Reset, StopSign, Weather
+from autodrive.world.factory import compile_scenario, world_of
 from autodrive.world.observer import Request, ResetTo
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from autodrive.world.batch_camera import BatchCamera
     from autodrive.world.compile import CompiledScenario
     from autodrive.world.simulation import Simulation
+    from autodrive.world.world import World
 
 WIDTH, HEIGHT = 640, 360
 """Of the images of 'rgb_array' [pixels]."""
@@ -46,10 +48,11 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
 
 
 class OffenceCounter:
-    """Counts the events `RedLight` and `StopSign` of each vehicle since the start of an episode."""
+    """Counts the events `RedLight` and `StopSign` of each vehicle in an episode, and knows which are off the road."""
 
     def __init__(self, vehicles: Sequence[str]) -> None:
         self.counts = {name: [0, 0] for name in vehicles}
+        self.off_road: set[str] = set()
 
     def given(self, commands: Mapping[str, Command]) -> None:
         """Nothing to count."""
@@ -58,12 +61,17 @@ class OffenceCounter:
         """A reset begins an episode."""
         if isinstance(request, Reset | ResetTo):
             self.counts = {name: [0, 0] for name in self.counts}
+            self.off_road.clear()
 
     def publish(self, frame: Frame) -> None:
         """Count what happened."""
         for event in frame.events:
             if isinstance(event, RedLight | StopSign):
                 self.counts[event.vehicle][isinstance(event, StopSign)] += 1
+            elif isinstance(event, OffRoad):
+                self.off_road.add(event.vehicle)
+            elif isinstance(event, BackOnRoad):
+                self.off_road.discard(event.vehicle)
 
 
 class RenderedWorld:
@@ -78,21 +86,34 @@ class RenderedWorld:
         port: int | None = None,
         is_real_time: bool = True,
     ) -> None:
-        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time."""
-        self._settings = settings
+        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time.
+
+        Raises `SpecError`.
+        """
+        self._settings, self._has_camera = settings, has_camera
         self._port, self._is_real_time = port, is_real_time
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
-        self.world = make(scenario, cameras=self._cameras if has_camera else False)
-        self._offences = OffenceCounter(self.world.vehicle_names)
-        self.world.observers.append(self._offences)
+        self._compiled = compile_scenario(scenario)
+        self._offences = OffenceCounter([*self._compiled.vehicles])
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
         self._open = ExitStack()
-        self._open.callback(self.world.close)
         if settings.render_mode == "human":
             self._serve()
+
+    @cached_property
+    def world(self) -> World:
+        """The World. Raises `GlUnavailable` for cameras without OpenGL.
+
+        It starts when it is first used: until then OpenGL is not, which cannot be used in processes that are forked
+        later, such as those of `gymnasium.vector.AsyncVectorEnv`.
+        """
+        world = world_of(self._compiled, cameras=self._cameras if self._has_camera else False)
+        world.observers.append(self._offences)
+        self._open.callback(world.close)
+        return world
 
     def reset(self, seed: int, poses: Mapping[str, Ground], weather: Weather | None = None) -> Frame:
         """Start an episode; `weather`: None: that of the scenario."""
@@ -137,7 +158,7 @@ class RenderedWorld:
     @property
     def cars(self) -> CarReadings:
         """What the environments read of the cars."""
-        return CarReadings.of_frame(self.world.frame, self._offences.counts)
+        return CarReadings.of_frame(self.world.frame, self._offences.counts, self._offences.off_road)
 
     def _check_open(self) -> None:
         if self._is_closed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Drawn, Drive, Range, whole_number_errors
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, Drawn, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.race_tracks import AREA
-from autodrive.experiments.envs.settings import MOST_CARS, Action, check_options
-from autodrive.experiments.envs.task import Observation, Outcome
-from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
+from autodrive.experiments.envs.settings import MOST_CARS, Action, check_changeable, check_options, whole_seed
+from autodrive.experiments.envs.task import Observation, Outcome, Task
+from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial, TrackLike
 from autodrive.protocol.commands import is_number
 
 if TYPE_CHECKING:
@@ -34,15 +36,17 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     collides, the race ends for all. `rivalry` adds to the reward of each step the distance that the car gains on the
     mean of its rivals in that step [m], times this factor.
 
-    `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
-    or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
-    width of the track and at least 1 m; `track_area` is the ground of each track along x and y [m]. Each episode is on
-    one of them, by its seed. `friction`, `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`.
-    `conditions` may be replaced at any time, for the episodes that follow. `laps`: after which `info["is_success"]`
-    is true.
+    `track`: name or file of an own track, or several. Without it there are `tracks` random tracks with the seeds
+    `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m] or each with its own from these ranges;
+    `track_radius` is the least of the centre line in curves [m], by default the width of the track and at least 1 m;
+    `track_area` is the ground of each track along x and y [m]. Each episode is on one of the tracks, by its seed.
+    `reward`, `end`: functions of an `own_rules.Step`, instead of the reward and the ends of the task. `friction`,
+    `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for
+    the episodes that follow. `laps`: after which `info["is_success"]` is true.
     """
 
     task_type: type[TimeTrial] = TimeTrial
+    drawn_conditions = (*Drawn._fields, *WEATHER)
 
     @with_suggestions
     def __init__(
@@ -52,6 +56,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         cars: int = 1,
         laps: int = 1,
         rivalry: float = 0.0,
+        track: TrackLike | Sequence[TrackLike] | None = None,
+        reward: Reward | None = None,
+        end: End | None = None,
         tracks: int = 3,
         track_seed: int = 0,
         track_width: Range = WIDTH,
@@ -79,20 +86,23 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             errors.append(f"rivalry: must be a number from 0 to 10, and 0 for a single car, not {rivalry!r}")
         if errors:
             raise SpecError(errors)
-        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
+        conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
             self.task_type(
                 frame_skip,
                 tracks,
                 track_seed,
-                cars,
+                int(cars),
                 laps,
                 width=track_width,
                 length=track_length,
                 radius=track_radius,
                 area=track_area,
+                own=track,
             ),
+            reward=reward,
+            end=end,
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,
@@ -101,6 +111,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             threads=threads,
             render_mode=render_mode,
         )
+        self.conditions = conditions
         self._driver = Drive(self.batch, frame_skip)
         self.drawn = np.ones((num_envs, len(Drawn._fields)))
         """The conditions of the present episodes, shape (n, 4), in the order of `Drawn`."""
@@ -164,14 +175,24 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
         self.vector.conditions = conditions
 
     @property
+    def task(self) -> Task:
+        """The task, with its scenario and features."""
+        return self.vector.task
+
+    @property
     def distance(self) -> float:
         """Along the centre line since the start of the episode [m]."""
         return float(self.vector.distance[0])
 
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Set `conditions`; any other attribute raises `SpecError`."""
+        check_changeable(name)
+        return super().set_wrapper_attr(name, value, force=force)
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
         check_options(options)
-        super().reset(seed=seed)
+        super().reset(seed=whole_seed(seed))
         observations, _ = self.vector.reset(seed=seed)
         return _first(observations), {}
 
@@ -189,7 +210,7 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
 
         if self._camera is None:
             self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)
-        return np.array(self._camera.render(self.vector.batch.readings)[0])
+        return np.array(self._camera.render(self.vector.batch.readings, weather=self.vector.batch.weathers)[0])
 
     def close(self) -> None:
         """End the threads, and free the renderers."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -78,6 +80,20 @@ class Settings:
             raise SpecError(errors)
 
 
+def made_task(task: str | Task, frame_skip: int, map: str | Path | None, traffic: int) -> Task:
+    """The task of that name on that map (None: its own), or one that is already made, with traffic.
+
+    Raises `SpecError` for a map where the task has none.
+    """
+    if map is None:
+        made = TASKS[task](frame_skip) if isinstance(task, str) else task
+    elif task == LaneKeeping.name:
+        made = LaneKeeping(frame_skip, map=map)
+    else:
+        raise SpecError(["map: only lane keeping takes another map; on it, another task is a Task of your own"])
+    return with_traffic(made, traffic)
+
+
 def with_traffic(task: Task, cars: int) -> Task:
     """The task with so many cars that drive themselves in its scenario, behind its own vehicles."""
     if cars:
@@ -85,11 +101,32 @@ def with_traffic(task: Task, cars: int) -> Task:
     return task
 
 
+def whole_seed(seed: object) -> int | None:
+    """The seed of an episode as Gymnasium needs it, which refuses the integers of numpy. Raises `CommandError`."""
+    if seed is None:
+        return None
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or int(seed) < 0:
+        raise CommandError(f"a seed must be a whole number from 0 on, not {seed!r}")
+    return int(seed)
+
+
+CHANGEABLE = "conditions"
+"""The only attribute of an environment that may be set."""
+
+
+def check_changeable(name: str) -> None:
+    """Raises `SpecError` for an attribute that nothing reads after the environment was made."""
+    if name != CHANGEABLE:
+        raise SpecError(
+            [f"{name}: nothing would change. Make a new environment with other settings, or set {CHANGEABLE}"]
+        )
+
+
 def checked_cars(cars: int) -> int:
     """The number of cars of a world. Raises `SpecError`."""
     if errors := whole_number_errors({"cars": (cars, 2, MOST_CARS)}):
         raise SpecError(errors)
-    return cars
+    return int(cars)
 
 
 def check_options(options: Mapping[str, Any] | None, *known: str) -> None:

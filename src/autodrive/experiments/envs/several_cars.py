@@ -105,6 +105,11 @@ class SeveralCarsParallelEnv(Agents):
         self._no_actions = np.zeros_like(vector.action_space.sample())
         super().__init__(vector.task, vector.single_observation_space, vector.settings)
 
+    @property
+    def task(self) -> Task:
+        """The task, with its scenario and features."""
+        return self.vector.task
+
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -64,10 +64,17 @@ class CarReadings(NamedTuple):
     Without a channel s is 0."""
     objects: Floats
     """Positions of the movable objects [m] in the map frame, shape (n, n_object, 3)."""
+    is_off_road: Bools
+    """Whether a wheel is outside the drivable area, shape (n,)."""
 
     @classmethod
-    def of_frame(cls, frame: Frame, offences: Mapping[str, Sequence[int]] | None = None) -> CarReadings:
-        """The cars of one world, without the traffic. `offences`: of each car by name; None: unknown, and 0."""
+    def of_frame(
+        cls, frame: Frame, offences: Mapping[str, Sequence[int]] | None = None, off_road: Collection[str] = ()
+    ) -> CarReadings:
+        """The cars of one world, without the traffic. `offences`: of each car by name; None: unknown, and 0.
+
+        `off_road`: names of the cars that are outside the drivable area.
+        """
         own = [(name, car) for name, car in frame.vehicles.items() if not car.is_traffic]
         cars = [car for _, car in own]
         objects = [one.pose.position for one in frame.objects.values()]
@@ -86,6 +93,7 @@ class CarReadings(NamedTuple):
             np.array([offences[name] if offences else (0, 0) for name, _ in own], np.int64),
             _heard(frame),
             np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
+            np.array([name in off_road for name, _ in own]),
         ]
         return cls._make(values)
 
@@ -102,7 +110,7 @@ class CarReadings(NamedTuple):
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:
             time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)
-        return cls._make([time, *cars, objects])
+        return cls._make([time, *cars, objects, readings.is_off_road[:, :count].reshape(n * count)])
 
     def rows(self, rows: NDArray[np.intp]) -> CarReadings:
         """The readings of some of the cars."""
@@ -224,6 +232,14 @@ class Task(ABC):
     def throttle_factors(self, memory: Floats) -> Floats:
         """By which the throttle of each car is multiplied, shape (n,)."""
         return np.ones(len(memory))
+
+    def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+        """What own rewards can read of the task (`own_rules.Step`) after `evaluate`: arrays of the shape (n,) by name.
+
+        `distance` is along the way since the start [m].
+        """
+        del cars, memory
+        return {}
 
     @abstractmethod
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:

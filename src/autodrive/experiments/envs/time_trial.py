@@ -9,6 +9,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,19 +20,22 @@ from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 from autodrive.experiments.envs import path
 from autodrive.experiments.envs.conditions import Range, range_errors, whole_number_errors
-from autodrive.experiments.envs.path import follow, look_ahead
-from autodrive.experiments.envs.race_tracks import AREA, SPACING, RaceTracks
+from autodrive.experiments.envs.path import beside, follow, look_ahead
+from autodrive.experiments.envs.race_tracks import AREA, SPACING, OwnTracks, RaceTracks
 from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
+from autodrive.scenario.tracks.track import Track
 
+TrackLike: TypeAlias = str | Path | Track
+"""Name or file of a track, or a track."""
 TICK = 0.005
 """[s]: an action of five ticks lasts as long as a scan."""
 PREVIEW = (0.5, 1.0, 2.0, 4.0)
 """Distances along the track of the points ahead that are observed [m]."""
 TOP_SPEED = 24.0
 """A car is not faster [m/s]."""
-START_OFFSET, START_ANGLE = 0.1, 0.2
-"""Largest of a start [m], [rad]."""
+START_ANGLE = 0.2
+"""Largest of a start [rad]; see also `race_tracks.MOST_ASIDE`."""
 GRID_STEP, GRID_SIDE = 1.0, 0.3
 """Distance of the places of a grid along the track, and from the centre line [m]."""
 FAILURE = -5.0
@@ -82,10 +88,11 @@ class TimeTrial(Task):
         length: Range = LENGTH,
         radius: Range | None = None,
         area: tuple[float, float] = AREA,
+        own: TrackLike | Sequence[TrackLike] | None = None,
     ) -> None:
         """`laps`: after which the task is accomplished. `width`, `length`, `radius`, `area`: see `RaceTracks` [m].
 
-        Raises `SpecError`.
+        `own`: a track or several, instead of random ones. Raises `SpecError`.
         """
         errors = whole_number_errors(
             {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
@@ -99,9 +106,15 @@ class TimeTrial(Task):
         errors += range_errors(ranges) + _area_errors(area)
         if errors:
             raise SpecError(errors)
-        curves = None if radius is None else _ends(radius)
-        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves, area)
-        self._laps = laps
+        if own is None:
+            curves = None if radius is None else _ends(radius)
+            self.tracks = RaceTracks(int(tracks), int(track_seed), _ends(width), _ends(length), curves, area)
+        else:
+            random = tracks, track_seed, width, length, radius, area
+            if random != (3, 0, WIDTH, LENGTH, None, AREA):
+                raise SpecError(["track: the settings of random tracks (tracks, track_seed, ...) do not apply to it"])
+            self.tracks = OwnTracks([own] if isinstance(own, str | Path | Track) else [*own])
+        self._laps = int(laps)
         self.scenario = ScenarioSpec(
             map=str(self.tracks.file),
             vehicles={
@@ -112,7 +125,7 @@ class TimeTrial(Task):
                     yaw_deg=math.degrees(yaw),
                     sensors={"lidar": SensorSettings(noise="realistic")},
                 )
-                for name, (x, y, yaw) in self._grid(0, 0, cars).items()
+                for name, (x, y, yaw) in self._grid(0, int(self.tracks.starts[0][0]), cars).items()
             },
             tick=TICK,
         )
@@ -123,8 +136,9 @@ class TimeTrial(Task):
     def start(self, rng: np.random.Generator) -> Start:
         """A place on one of the tracks."""
         track = int(rng.integers(len(self.tracks.count)))
-        place = int(rng.integers(self.tracks.count[track]))
-        aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
+        starts = self.tracks.starts[track]
+        place = int(starts[rng.integers(len(starts))])
+        aside, turn = uniform(rng, (float(self.tracks.room[track][place]), START_ANGLE))
         x, y, yaw = self.tracks.pose(track, place, aside)
         return Start({"V1": (x, y, wrapped(yaw + turn))}, (float(track), float(place), 0.0, 0.0, 0.0))
 
@@ -149,6 +163,11 @@ class TimeTrial(Task):
             f"V{k + 1}": self.tracks.pose(track, line - _steps_back(k), side if k % 2 == 0 else -side)
             for k in range(cars)
         }
+
+    def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
+        """See `Task.measures`."""
+        track, place = (memory[:, column].astype(np.int64) for column in (TRACK, PLACE))
+        return {"distance": memory[:, DRIVEN].copy(), **beside(cars, self.tracks.lines[track, place])}
 
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`. The nearest point is sought around the last one: parts of a track may be near."""

@@ -22,6 +22,7 @@ from autodrive.graphics.render.draw_list import (
     shadow_distances,
 )
 from autodrive.graphics.render.fxaa import smoothed
+from autodrive.graphics.render.gl import current
 from autodrive.graphics.render.lighting import lights_view, reach, strength
 from autodrive.graphics.render.parts import in_sight, sight_planes
 from autodrive.graphics.render.render_state import VEHICLE
@@ -100,7 +101,7 @@ class BatchRenderer(Renderer):
         self._groups = self._grouped()
         k = view.intrinsics
         self._image_size = 3 * k.width * k.height
-        with self._context as context:
+        with current(self._context) as context:
             self._indices = context.buffer(reserve=4 * PART * max(len(self._static.geometry.indices), 1), dynamic=True)
             self._pixels = context.buffer(reserve=PART * self._image_size, dynamic=True)
             self._seen_static = self._static.with_indices(self._indices)
@@ -122,7 +123,7 @@ class BatchRenderer(Renderer):
         eyes = rigid_all(vehicles[:, self._row]) @ rigid(self._view.position, self._view.orientation)
         keys = [(row.tobytes(), self._shadows.area(eye[None]) or ()) for row, eye in zip(objects, eyes, strict=True)]
         order = np.array(sorted(range(n), key=keys.__getitem__), np.intp)
-        with self._context:
+        with current(self._context):
             if is_day:
                 self._shadows.set_sun(looks[0].sun_direction)
             for numbers in np.split(order, range(PART, n, PART)):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,13 +39,7 @@ _INCLUDED = {
 
 
 class GlUnavailable(AutodriveError):  # noqa: N818 (the condition is the name)
-    """The machine has no OpenGL 3.3: cameras cannot be drawn, everything else works."""
-
-    def __init__(self, reason: str, fix: str = f"apt-get install -y --no-install-recommends {PACKAGES}") -> None:
-        one_line = " ".join(reason.split())
-        super().__init__(
-            f"cameras are unavailable: no OpenGL 3.3 on this machine. On Debian and Ubuntu:  {fix}  ({one_line})"
-        )
+    """The machine, or this process, has no OpenGL 3.3: cameras cannot be drawn, everything else works."""
 
 
 def open_context(platform: str = sys.platform) -> moderngl.Context:
@@ -51,12 +48,52 @@ def open_context(platform: str = sys.platform) -> moderngl.Context:
     Linux: EGL, which needs no display. Elsewhere: moderngl's own choice, WGL (Windows) or CGL (macOS).
     """
     if moderngl is None:
-        raise GlUnavailable("the Python package moderngl is not installed", BUILD_MODERNGL)
+        raise _missing("the Python package moderngl is not installed", BUILD_MODERNGL)
+    _check_process()
     options = {"backend": "egl"} if platform.startswith("linux") else {}
     try:
         return moderngl.create_context(require=330, standalone=True, **options)  # pyright: ignore[reportArgumentType]
     except Exception as error:  # each platform raises its own type
-        raise GlUnavailable(str(error)) from None
+        raise _missing(str(error)) from None
+
+
+@contextmanager
+def current(context: moderngl.Context) -> Iterator[moderngl.Context]:
+    """Make a context current in this thread, within a block. Raises `GlUnavailable`."""
+    _check_process()
+    with context:
+        yield context
+
+
+def _missing(reason: str, fix: str = f"apt-get install -y --no-install-recommends {PACKAGES}") -> GlUnavailable:
+    one_line = " ".join(reason.split())
+    return GlUnavailable(
+        f"cameras are unavailable: no OpenGL 3.3 on this machine. On Debian and Ubuntu:  {fix}  ({one_line})"
+    )
+
+
+_user = 0
+"""The process that used OpenGL first: this one, or the one that it was forked from. 0: none."""
+
+
+def is_forked() -> bool:
+    """Whether this process was forked from one that has used OpenGL.
+
+    The threads of the OpenGL library exist in the other process only: a call would wait for them for ever.
+    """
+    return _user not in (0, os.getpid())
+
+
+def _check_process() -> None:
+    """Raises `GlUnavailable` in a forked process."""
+    global _user  # noqa: PLW0603  it belongs to the process, as the library does
+    _user = _user or os.getpid()
+    if is_forked():
+        raise GlUnavailable(
+            "cameras are unavailable: this process was forked from one that has used OpenGL. Start it with 'spawn':  "
+            "multiprocessing.get_context('spawn'); gymnasium.make_vec(..., vectorization_mode='async', "
+            "vector_kwargs={'context': 'spawn'}); SubprocVecEnv(..., start_method='spawn')"
+        )
 
 
 @cache

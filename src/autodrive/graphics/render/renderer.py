@@ -13,7 +13,7 @@ import numpy as np
 
 from autodrive.graphics.render import texture_arrays
 from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
-from autodrive.graphics.render.gl import moderngl, open_context, source, write
+from autodrive.graphics.render.gl import current, is_forked, moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
 from autodrive.graphics.render.ground_shadows import GroundShadows
 from autodrive.graphics.render.ground_strips import GroundStrips
@@ -158,8 +158,9 @@ class Renderer:
         self.release()
 
     def release(self) -> None:
-        """Free all graphics memory."""
-        self._context.release()
+        """Free all graphics memory; a forked process has none."""
+        if not is_forked():
+            self._context.release()
 
     def draw(
         self,
@@ -171,7 +172,7 @@ class Renderer:
         strokes: Strokes | None = None,
     ) -> list[RenderedImage]:
         """One image of that state for each view, in the order of the views; `strokes` are drawn into all."""
-        with self._context:  # current only while it draws: the next call may come from another thread
+        with current(self._context):  # only while it draws: the next call may come from another thread
             return self._drawn(state, views, strokes, depth=depth, labels=labels)
 
     def _drawn(

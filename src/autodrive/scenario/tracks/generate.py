@@ -9,6 +9,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
 from autodrive.base.errors import SpecError
+from autodrive.protocol.commands import check_seed
 from autodrive.scenario.tracks.growth import grow
 from autodrive.scenario.tracks.line import closed_line
 from autodrive.scenario.tracks.shape import crossings, curvature, resampled, straightest, walls_along
@@ -37,11 +38,12 @@ def generate_track(
     barrier: BarrierSpec | None = None,
     name: str = "",
 ) -> Track:
-    """A random closed track without a race line. Raises `SpecError` if none fits.
+    """A random closed track without a race line. Raises `SpecError` if none fits, `CommandError` for a wrong seed.
 
     `length`: of the centre line [m], kept within 5 %; `width`: between the barriers [m]; `area`: extent along x and y
     [m], barriers included; `min_radius`: of the centre line [m], by default the width.
     """
+    check_seed(seed)
     barrier = barrier or BarrierSpec()
     radius = max(width, 1.0) if min_radius is None else min_radius
     _check(length, width, area, radius, barrier)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
@@ -79,6 +80,7 @@ class BatchWorld(OneThread):
         for name, value in (("n", n), ("threads", threads)):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
                 raise CommandError(f"{name} must be a whole number from 1 on, not {value!r}")
+        check_seed(int(seed) + n - 1)
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         self.compiled = c = compile_scenario(scenario)
@@ -113,7 +115,7 @@ class BatchWorld(OneThread):
         """Traffic lights follow their programs."""
         self.readings = readings_of(self.worlds, self._time, len(self.object_names))
         """Of the present instant."""
-        self._seeds = [seed + k for k in range(n)]
+        self._seeds = [int(seed) + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
         self.weathers = [ChangingWeather().at(0.0)] * n
@@ -130,7 +132,7 @@ class BatchWorld(OneThread):
         engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
         self._threads = [new_thread(c, one, rays) for one in engines]
         self._engines = engines  # they own the memory of the views
-        self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
+        self._pool, self._pool_process = None, 0
         ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
         programs = all_programs(c.map.light_programs, spec.light_programs)
         sizes = [(at, box.size) for at, box in zip(c.objects.values(), c.boxes, strict=True)]
@@ -170,11 +172,11 @@ class BatchWorld(OneThread):
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
         np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle[:, : values.shape[1]])
         np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering[:, : values.shape[1]])
-        if self._pool is None:
+        if len(self._threads) == 1:
             self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
         else:
-            blocks = itertools.count(0, self._block)
-            others = [self._pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
+            blocks, pool = itertools.count(0, self._block), self._started_pool()
+            others = [pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
             self._run(self._threads[0], blocks, ticks)
             for other in others:
                 other.result()
@@ -247,10 +249,16 @@ class BatchWorld(OneThread):
     def close(self) -> None:
         """End the threads; no step can follow."""
         self._is_closed = True
-        if self._pool is not None:
+        if self._pool is not None and self._pool_process == os.getpid():
             self._pool.shutdown()
 
     # -- parts of a step -----------------------------------------------------------------------------------------
+
+    def _started_pool(self) -> ThreadPoolExecutor:
+        """The threads of this process: a forked one does not have those of the other."""
+        if self._pool is None or self._pool_process != os.getpid():
+            self._pool, self._pool_process = ThreadPoolExecutor(len(self._threads) - 1, "batch"), os.getpid()
+        return self._pool
 
     def _run(self, thread: Thread, blocks: itertools.count[int], ticks: int) -> None:
         """Take blocks of worlds until none is left."""

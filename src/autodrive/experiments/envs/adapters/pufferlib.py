@@ -33,7 +33,7 @@ class NigelPufferEnv(pufferlib.PufferEnv):
 
     def reset(self, seed: int | None = None) -> Any:
         """Start all episodes."""
-        self.observations[:] = self.envs.reset(seed=self._seed if seed is None else int(seed))[0]
+        self.observations[:] = self.envs.reset(seed=self._seed if seed is None else seed)[0]
         self._returns = np.zeros(self.num_agents)
         self._lengths = np.zeros(self.num_agents, np.int64)
         return self.observations, []

@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 
 from autodrive.experiments.envs.adapters import require
-from autodrive.experiments.envs.registration import IDS
+from autodrive.experiments.envs.registration import IDS, ROBORACER
 
 require("ray", "'ray[rllib]'")
 
@@ -16,7 +16,7 @@ from ray.tune import register_env  # noqa: E402  # pyright: ignore[reportMissing
 
 def register() -> None:
     """Make the ids known to RLlib; `env_config` has the settings of `gymnasium.make`."""
-    for id_ in IDS:
+    for id_ in (*IDS, ROBORACER):
         register_env(id_, lambda config, id_=id_: make(id_, **config))
 
 
