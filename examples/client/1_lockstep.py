@@ -1,6 +1,7 @@
 """1. Drive in lock-step: time advances only with each step, and each run gives exactly the same result.
 
-Start the simulator, then this program; an argument gives another address than 127.0.0.1:8730, or the printed link.
+Start the simulator, then this program in the same folder. From another folder, it needs the address or link of the
+simulator as its argument.
 """
 
 import sys

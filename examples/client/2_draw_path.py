@@ -1,7 +1,7 @@
 """Follows a circle in a running simulator, and draws the path, the point that it aims at, and its distance to the path.
 
-Start a simulator with 'autodrive run plane', open its page, and run this program. Its arguments are the address of the
-simulator and the simulated time to drive [s]:
+Start a simulator with 'autodrive run plane', open its page, and run this program in the same folder. From another
+folder, it needs the address of the simulator; another argument is the simulated time to drive [s]:
 
     python examples/client/2_draw_path.py 127.0.0.1:8730 20
 """
@@ -20,7 +20,7 @@ WHEELBASE, STEERING_LIMIT = 0.14155, 0.5236
 """Of nigel [m, rad]."""
 
 
-def main(address: str = "127.0.0.1:8730", seconds: str = "20") -> None:
+def main(address: str | None = None, seconds: str = "20") -> None:
     """Drive for that simulated time."""
     with autodrive.Client(address) as sim:
         sim.set_driving_mode("V1", is_autonomous=True)

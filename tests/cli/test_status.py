@@ -116,6 +116,7 @@ def test_imports_are_narrated(capsys: pytest.CaptureFixture[str], monkeypatch: p
         ("http://127.0.0.1:8730/", ""),
         ("http://127.0.0.1:8731/", "127.0.0.1:8731"),
         ("http://[::1]:8730/", "[::1]:8730"),
+        ("http://[fe80::1]:8731/", "[fe80::1]:8731"),
         ("http://192.0.2.7:8730/?token=0123456789abcdef", "http://192.0.2.7:8730/?token=0123456789abcdef"),
     ],
 )
@@ -123,6 +124,7 @@ def test_a_run_prints_the_address_that_clients_need(link: str, address: str) -> 
     console = Console(file=io.StringIO(), width=200)
     StatusDisplay("loading the world", "running", opens_browser=False, console=console).serving(link)
     assert isinstance(console.file, io.StringIO)
+    assert link in console.file.getvalue()
     found = re.search(r"clients need this address:  autodrive\.Client\('(.*)'\)", console.file.getvalue())
     assert (found[1] if found else "") == address
 

@@ -7,18 +7,21 @@ import contextlib
 import gzip
 import json
 import math
+import subprocess
 import time
 from http.client import HTTPConnection
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 import autodrive
 from autodrive import Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.client.last_run import NotedRun, user_name
 from autodrive.connect.devkit import Nigel
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
@@ -300,3 +303,44 @@ def test_cpp_sets_and_reads_weather_and_time_of_day(build: Path) -> None:
     assert "<= 1.0" in refused
     assert "weather.fog" in refused
     assert last == "clear"
+
+
+def test_cpp_without_an_address_uses_the_last_run_in_its_folder(
+    build: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.delenv("AUTODRIVE_PORT", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def printed(*words: object) -> list[str]:
+        line = [str(build / "default_address"), *map(str, words)]
+        done = subprocess.run(line, capture_output=True, text=True, timeout=LIMIT, check=True)
+        return [*done.stderr.splitlines(), *done.stdout.splitlines()]
+
+    simulation = Simulation(autodrive.make("plane"))
+    title = simulation.world.spec.title
+    server = Server(Served(simulation, scene_files), PageOptions(host="::1", port=0))
+    note = NotedRun(server.origin)
+    (tmp_path / "autodrive" / "runs").mkdir(parents=True, mode=0o700)
+    (tmp_path / "autodrive" / "runs" / "0.json").write_text("no note")
+    with simulation, note:
+        assert printed() == ["the simulator in this folder does not listen yet"]
+        with server:
+            note.write(server.address)
+            told, shown = printed()
+            assert shown == title
+            assert told.startswith(
+                f"autodrive: connected to '{title}' at [::1]:{server.port}, started by {user_name()} at 2"
+            )
+            assert printed("::1", server.port) == [title]
+            monkeypatch.setenv("AUTODRIVE_PORT", str(server.port))
+            assert printed()[-1] == title
+            monkeypatch.setenv("AUTODRIVE_PORT", "1")
+            assert "AUTODRIVE_PORT is 1, but the last run in this folder is at [::1]" in printed()[0]
+            monkeypatch.setenv("AUTODRIVE_PORT", "x")
+            assert printed() == ["AUTODRIVE_PORT must be a port, 1 to 65535, not 'x'"]
+            monkeypatch.delenv("AUTODRIVE_PORT")
+            with NotedRun(replace(server.origin, id="other", started=server.origin.started + 1.0)) as other:
+                other.write(server.address)
+                assert "is not the last run in this folder: give the address" in printed()[0]

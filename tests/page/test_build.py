@@ -315,6 +315,7 @@ def test_a_link_contains_a_town_of_150_modules(plane: PageServer, new_tab: NewTa
     assert len(link) < 30_000
     plane.restart("plane")
     other = new_tab().open(link)
+    other.click("link-changes-apply")
     wait_for_parts(other, *places)
     assert parts(other) == made
 

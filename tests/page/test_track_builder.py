@@ -140,11 +140,13 @@ def test_a_link_contains_the_track_and_a_dropped_file_is_opened(plane: PageServe
     tab.click("link-dialog-cancel")
     plane.restart("plane")
     other = new_tab(size=(1280, 720)).open(link)
+    other.click("link-changes-apply")
     other.wait_until(lambda: line(other) == made)
     other.wait_until(lambda: other.get("build-bar").is_visible())
     assert plane.simulation.undo_name == "open a map"
     other.wait_until(lambda: "own_map" not in other.page.url)  # a reload does not open it again
     cut = new_tab().open(link[:-40])
+    cut.click("link-changes-apply")
     cut.wait_for_notice("the link was cut")
     assert line(cut) == made
     drop = """text => {

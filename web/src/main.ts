@@ -28,6 +28,7 @@ import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
 import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
 import { legend } from './panels/legend'
+import { askAboutLinkChanges } from './panels/link_changes'
 import { logPanel } from './panels/log'
 import { measure } from './panels/measure'
 import { menu } from './panels/menu'
@@ -66,7 +67,8 @@ const actions = new Actions(store, connection)
 const driver = new Driver(store, connection)
 const keys = help()
 const trails = new Trails()
-followViewInLink(store, actions)
+const proposeFromLink = askAboutLinkChanges(store)
+followViewInLink(store, actions, proposeFromLink)
 const programs = connectDialog(store)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
@@ -149,7 +151,7 @@ const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
 const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
-const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture)
+const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
 document.body.append(...edit(store, editor, view, save))
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
 document.body.append(...build(store, builder, editor, view, files, vehicleEvents))

@@ -6,6 +6,7 @@ import type { Weather } from './messages'
 import { WEATHERS } from './messages'
 import type { Observable } from './observable'
 import { clockTime } from './panels/element'
+import type { Propose } from './panels/link_changes'
 import { clamp } from './scene/clamp'
 import { within } from './scene/flight'
 import { ORBIT_DISTANCE } from './scene/zoom'
@@ -24,8 +25,8 @@ interface Part {
   write: () => string
 }
 
-/** Shows the view of the link and sets its weather, then keeps the link up to date. */
-export function followViewInLink(store: Store, actions: Actions): void {
+/** Shows the view of the link and proposes its weather and time of day, then keeps the link up to date. */
+export function followViewInLink(store: Store, actions: Actions, propose: Propose): void {
   const query = new URLSearchParams(location.search).get('quality')
   if (isQuality(query)) store.quality.value = query
   let timer = 0
@@ -58,8 +59,9 @@ export function followViewInLink(store: Store, actions: Actions): void {
     }
   }
 
-  /** A state of the simulator, which the link sets once; then the link shows that of the simulator. */
+  /** A state of the simulator, which the link proposes once; then the link shows that of the simulator. */
   const state = (
+    name: string,
     request: (text: string) => Parameters<Actions['request']>[0] | undefined,
     show: () => string,
   ): Part => {
@@ -68,8 +70,8 @@ export function followViewInLink(store: Store, actions: Actions): void {
     const follow = () => {
       if (!store.frame.value || store.status.value?.position !== null) return // not yet, or a replay
       const operation = wanted && wanted !== show() && request(wanted)
+      if (operation) propose(`${name}: ${wanted}`, () => void actions.request(operation))
       wanted = ''
-      if (operation) void actions.request(operation)
       if (show() === shown) return
       shown = show()
       writeSoon()
@@ -124,6 +126,7 @@ export function followViewInLink(store: Store, actions: Actions): void {
     axes: flag(store.areAxesShown),
     scan: flag(store.isScanShown),
     weather: state(
+      'Weather',
       (text) => {
         const weather = weatherOf(text)
         return weather && { type: 'SetWeather', weather }
@@ -131,6 +134,7 @@ export function followViewInLink(store: Store, actions: Actions): void {
       () => weatherText(store.frame.value?.weather ?? null),
     ),
     time: state(
+      'Time of day',
       (text) => {
         const [, hours, minutes] = /^(\d?\d):(\d\d)$/.exec(text) ?? []
         return hours ? { type: 'SetTimeOfDay', time: 3600 * Number(hours) + 60 * Number(minutes) } : undefined

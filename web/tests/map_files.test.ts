@@ -25,7 +25,7 @@ function page(mayDiscard = () => Promise.resolve(true)) {
   const userFiles = new UserFiles(it.store, new Actions(it.store, it.connection))
   const openText = vi.spyOn(userFiles, 'open').mockResolvedValue(true)
   const ask = vi.fn<AskPicture>().mockResolvedValue(true)
-  const open = openMapFiles(it.store, builder, userFiles, mayDiscard, ask)
+  const open = openMapFiles(it.store, builder, userFiles, mayDiscard, ask, (_, apply) => void apply())
   return { ...it, builder, userFiles, use, openText, ask, open }
 }
 

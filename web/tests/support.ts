@@ -125,7 +125,7 @@ export function connectedPage(vehicles: readonly string[] = ['V1']) {
 
 export function welcome(): ServerMessage {
   const scenarios = { plane: 'Empty plane', two_cars: 'Two cars' }
-  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '' }
+  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '', run: null, title: '' }
 }
 
 export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene {

@@ -19,11 +19,16 @@ beforeEach(() => {
 })
 
 describe('the link', () => {
+  let proposed: string[] = []
   function pageAt(hash: string): Store {
     vi.useFakeTimers()
+    proposed = []
     history.replaceState(null, '', location.pathname + location.search + hash)
     const { store, connection } = connectedPage(['V1', 'V2'])
-    followViewInLink(store, new Actions(store, connection))
+    followViewInLink(store, new Actions(store, connection), (what, apply) => {
+      proposed.push(what)
+      void apply()
+    })
     vi.advanceTimersByTime(1000)
     return store
   }
@@ -35,8 +40,9 @@ describe('the link', () => {
     expect(location.hash).toBe('')
   })
 
-  test('sets weather and time of day once, then follows the simulator', () => {
+  test('proposes weather and time of day once, then follows the simulator', () => {
     const store = pageAt('#weather=rain:0.4,wind:1&time=18:30')
+    expect(proposed).toEqual(['Weather: rain:0.4,wind:1', 'Time of day: 18:30'])
     const sent = requests()
     const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: null, snow_cover: null }
     expect(sent).toContainEqual({ type: 'SetWeather', weather: { ...clear, rain: 0.4, wind: 1 } })

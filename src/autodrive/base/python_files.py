@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from autodrive.base.readable import readable
+
 FUNCTION = re.compile(r"(?P<file>[^\s:]+\.py):(?P<name>[A-Za-z_]\w*)")
 """A class or function of the user: 'my_driver.py:Driver'."""
 
@@ -19,7 +21,7 @@ def load(file: Path, name: str) -> Any:
 
     Raises `ImportError` if the file does not have it, `OSError` if it cannot be read, and whatever the file raises.
     """
-    module = _module(file.absolute(), file.stat().st_mtime_ns)
+    module = _module(file.absolute(), readable(file).stat().st_mtime_ns)
     if not hasattr(module, name):
         raise ImportError(f"{file.name} has no '{name}'")
     return getattr(module, name)

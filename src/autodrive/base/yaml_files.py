@@ -13,6 +13,8 @@ from pydantic import ValidationError
 from yaml.constructor import ConstructorError
 
 from autodrive.base.errors import SpecError
+from autodrive.base.readable import readable as readable_file
+from autodrive.base.readable import refused
 from autodrive.base.specs import MAX_ERRORS, Key, Spec, messages, place_text, short, with_line
 from autodrive.base.suggest import suggest
 
@@ -76,6 +78,8 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
         raise SpecError([f"a {kind} must be {wanted}, not {short(repr(name))}"])
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
+        if problem := refused(path):
+            raise SpecError([problem])
         if os.path.isfile(path):  # False also for a name that no file can have
             return path
         raise SpecError([f"file '{short(str(path))}' {'is not a file' if os.path.exists(path) else 'does not exist'}"])
@@ -135,9 +139,7 @@ def source(path: Path) -> Source:
     """The text of a file. Raises `SpecError` if it cannot be read or is not YAML in UTF-8, as `Source`."""
     data = b""
     try:
-        if path.exists() and not path.is_file():
-            raise SpecError(["is not a file"], str(path))
-        with path.open("rb") as file:
+        with readable_file(path).open("rb") as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise SpecError([f"a file must have at most {MAX_BYTES // 2**20} MiB"], str(path))

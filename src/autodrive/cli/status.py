@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from autodrive.base.jit import DURATION
 from autodrive.cli.narrated import SILENCE
@@ -95,15 +96,19 @@ class StatusDisplay(RunObserver):
         self._on_start(run)
         if self._compiled:
             self.console.print(f"compiled {self._compiled} functions in {self._clock() - self._began:.0f} s")
-        self.console.print(f"{self._title}; press Ctrl-C to stop")
+        self._print(f"{self._title}; press Ctrl-C to stop")
 
     def _print_link(self, link: str) -> None:
         is_opened = self._opens_browser and self.console.is_terminal and has_screen() and open_page(link)
-        self.console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
+        self._print(f"{'opened' if is_opened else 'open'} in a browser:  {link}")
         if command := tunnel(link):
-            self.console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+            self._print(f"first, on your own machine, run:  {command}")
         if note := _note_for_clients(link):
-            self.console.print(note, soft_wrap=True)
+            self._print(note)
+
+    def _print(self, text: str) -> None:
+        """Print a text as it is: the brackets of an IPv6 address are no markup."""
+        self.console.print(text, soft_wrap=True, markup=False)
 
     def decided(self, result: RaceResult) -> None:  # noqa: D102
         self._on_result(result)
@@ -111,9 +116,9 @@ class StatusDisplay(RunObserver):
     def running(self, run: Run) -> None:  # noqa: D102
         self._calls += 1
         if self.console.is_terminal:
-            self._line.update(run.status())
+            self._line.update(Text(run.status()))
         elif self._calls % CALLS_PER_LOG_LINE == 0:
-            self.console.print(run.status(), soft_wrap=True)
+            self._print(run.status())
 
 
 def _note_for_clients(link: str) -> str:

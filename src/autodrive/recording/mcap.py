@@ -27,6 +27,7 @@ from typing import BinaryIO, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.readable import readable
 from autodrive.base.texts import encodable
 from autodrive.recording.errors import RecordingError
 
@@ -687,10 +688,8 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         """Raises `RecordingError`."""
-        if path.exists() and not path.is_file():
-            raise RecordingError(f"cannot read: this is not a file  ({path})")
         try:
-            self._file = path.open("rb")
+            self._file = readable(path).open("rb")
         except OSError as error:
             raise RecordingError(f"cannot read: {error.strerror or error}  ({path})") from None
         self._lock = threading.Lock()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
+from autodrive.base.readable import readable
 from autodrive.base.suggest import suggest
 from autodrive.base.texts import encodable
 from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
@@ -58,7 +59,9 @@ class UserFiles(OwnFiles):
             return LoadScenario(str(self._written(name, text)))
         paths = self._paths()
         if name not in paths:
-            raise AutodriveError(f"'{name}' is not in the folder '{self.folder}'. {suggest(name, list(paths))}")
+            is_link = Path(name).name == name and os.path.islink(self._folder / name)
+            problem = "is a link to a place outside of" if is_link else "is not in"
+            raise AutodriveError(f"'{name}' {problem} the folder '{self.folder}'. {suggest(name, list(paths))}")
         found = source(paths[name])
         if _is_scenario(found.tree):
             return LoadScenario(str(paths[name]))
@@ -91,6 +94,8 @@ class UserFiles(OwnFiles):
         if path.is_symlink():
             raise AutodriveError(f"'{path.name}' is a link to another place: choose another name")
         if os.path.lexists(path):
+            if not path.is_file():
+                raise AutodriveError(f"'{path.name}' is not a regular file: choose another name")
             if not replaces:
                 raise AutodriveError(f"'{path.name}' is in the folder already: choose another name, or replace it")
         elif len(paths) >= MAX_FILES:
@@ -101,11 +106,13 @@ class UserFiles(OwnFiles):
         return path.name
 
     def _paths(self) -> dict[str, Path]:
-        """The YAML files of the folder by name, sorted. Raises `AutodriveError`."""
+        """The YAML files of the folder by name, sorted, without links to other places. Raises `AutodriveError`."""
         if self._folder is None:
             raise AutodriveError(NO_FOLDER)
+        folder = self._folder.resolve()
         try:
-            found = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
+            files = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
+            found = (path for path in files if path.resolve().is_relative_to(folder))
             return {encodable(path.name): path for path in sorted(itertools.islice(found, MAX_FILES))}
         except OSError as error:
             raise AutodriveError(f"the folder '{self.folder}' cannot be read: {error.strerror or error}") from None
@@ -124,7 +131,7 @@ class UserFiles(OwnFiles):
 def _described(path: Path) -> OwnFile:
     """Without parsing, so that many large files are listed quickly."""
     try:
-        with path.open(encoding="utf-8", errors="replace") as file:
+        with readable(path).open(encoding="utf-8", errors="replace") as file:
             keys = dict(KEY.findall(file.read(MAX_BYTES)))
     except OSError:
         keys = {}

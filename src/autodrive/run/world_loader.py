@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
+from autodrive.base.cache import PACKAGE
+from autodrive.base.readable import Refusal, reading_only
 from autodrive.base.specs import joined
 from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
@@ -48,6 +52,8 @@ class WorldLoader:
         self._world: World | None = None
         self._bridge: DevkitBridge | None = None
         self._is_viewed = False
+        self._read_at_start: set[str] = set()
+        """Real paths."""
         self._tick_duration = 0.0
         self._tick = self._ticks = 0
 
@@ -60,7 +66,8 @@ class WorldLoader:
         """
         is_edited = isinstance(scenario, Descriptions)
         name = self.scenario if is_edited else scenario
-        compiled = compile_scenario(scenario if is_edited else self._spec(scenario))
+        with reading_only(self._refusal(name)):
+            compiled = compile_scenario(scenario if is_edited else self._spec(scenario))
         self._check_quality()
         when_read()
         world, cameras = self._make(compiled)
@@ -74,6 +81,28 @@ class WorldLoader:
         if self._world is None:
             self._begin(world)
         return world
+
+    def _refusal(self, name: str) -> Refusal:
+        """What may be read for that scenario: at the start all; later what a client cannot have chosen.
+
+        That is what this package contains, what is in the folder of the user, and what was read at the start.
+        """
+        folder = self._options.folder
+
+        def note(path: Path) -> str:
+            self._read_at_start.add(os.path.realpath(path))
+            return ""
+
+        def refusal(path: Path) -> str:
+            real = Path(os.path.realpath(path))
+            is_inside = any(real.is_relative_to(os.path.realpath(one)) for one in (PACKAGE, folder) if one)
+            if is_inside or str(real) in self._read_at_start or path == Path(name):
+                return ""
+            problem = f"'{path.name}' is no file of the scenario that the simulator was started with"
+            return problem + (f", and not in the folder '{folder.resolve().name}': copy it there" if folder else "")
+
+        is_of_user = self._world is None or (folder is None and name == self._options.scenario)
+        return note if is_of_user else refusal
 
     def follow(self, simulation: Simulation) -> None:
         """The current world is that of this simulation, from its next Frame on."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,9 +17,11 @@ from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
 from autodrive.connect.server.served import OwnFiles, PageOptions, Served
 from autodrive.connect.server.server import Server
-from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine
+from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine, UseMap
 from autodrive.protocol.own_files import ExportMap, ListFiles, OpenFile, OwnFile, SaveFile
+from autodrive.run.options import RunOptions
 from autodrive.run.own_files import UserFiles
+from autodrive.run.world_loader import WorldLoader
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.raster import occupancy
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS
@@ -150,6 +153,136 @@ def test_own_modules_outside_of_the_folder_are_not_read(
     with pytest.raises(AutodriveError, match=f"module '{module}' is not in the folder 'mine'"):
         ask(sim, OpenFile("own.yaml"))
     assert simulation.world is before
+
+
+ROAD = yaml_files.find("module", "straight_road").read_text()
+
+
+@pytest.fixture
+def secrets(folder: Path) -> Path:
+    """A folder with valid files, which no client may read; `note` is written by its Python file."""
+    secrets = folder.parent / "secrets"
+    secrets.mkdir()
+    for kind, name in (("vehicle", "nigel"), ("map", "plane"), ("track", "practice"), ("ruleset", "practice")):
+        (secrets / f"{kind}.yaml").write_text(yaml_files.find(kind, name).read_text())
+    (secrets / "module.yaml").write_text(ROAD)
+    (secrets / "sensor.py").write_text(f"open({str(folder.parent / 'note')!r}, 'w')\nclass Sensor: pass\n")
+    return secrets
+
+
+@pytest.fixture
+def loaded(folder: Path) -> Iterator[Client]:
+    """A client of a simulator with the loader of `autodrive run plane --folder`."""
+    loader = WorldLoader(RunOptions("plane", folder=folder, cameras=False))
+    with Simulation(loader.load("plane"), load=loader.load) as simulation:
+        served = Served(simulation, scene_files, scenarios=loader.scenarios, own_files=UserFiles(folder))
+        with Server(served, PageOptions(port=0)) as server, Client(server.address) as sim:
+            yield sim
+
+
+def test_a_module_that_a_client_has_named_by_a_path_is_not_read_from_there(
+    loaded: Client, folder: Path, secrets: Path
+) -> None:
+    path = str(secrets / "module.yaml")
+    loaded.ask(UseMap(text=OWN.replace("MODULE", path), modules={path: ROAD}))
+    text = ask(loaded, SaveScenario())
+    ask(loaded, SaveFile("mine", "scenario"))
+    assert path in (folder / "mine.yaml").read_text()
+    for operation in (OpenFile("mine.yaml"), OpenFile("sent.yaml", text)):
+        with pytest.raises(
+            AutodriveError, match=r"'module\.yaml' is no file of the scenario .*, and not in the folder 'mine'"
+        ):
+            ask(loaded, operation)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("vehicle", "vehicles: {V1: {type: PATH}}"),
+        ("vehicle", "traffic: {cars: 1, type: PATH}"),
+        ("map", "map: PATH"),
+        ("track", "map: PATH"),
+        ("track", "race: {track: PATH}"),
+        ("ruleset", "map: practice\nrace: {rules: PATH}"),
+        ("module", "map: {title: Own, placements: [{module: PATH, x: 0, y: 0, open: true}]}"),
+        ("sensor", "vehicles: {V1: {own_sensors: {radar: 'PATH:Sensor'}}}"),
+        ("map of the folder", "map: town.yaml"),
+    ],
+)
+@pytest.mark.parametrize("is_link", [False, True])
+def test_a_scenario_of_the_folder_reads_no_file_outside_of_it(
+    loaded: Client, folder: Path, secrets: Path, kind: str, text: str, is_link: bool
+) -> None:
+    path = secrets / (
+        "module.yaml" if kind == "map of the folder" else "sensor.py" if kind == "sensor" else f"{kind}.yaml"
+    )
+    if is_link:
+        (folder / path.name).symlink_to(path)
+        path = folder / path.name
+    (folder / "town.yaml").write_text(OWN.replace("MODULE", str(path)))
+    (folder / "mine.yaml").write_text(
+        "title: Mine\nvehicles: {V1: {}}\n" * ("vehicles" not in text) + text.replace("PATH", str(path))
+    )
+    with pytest.raises(AutodriveError, match=f"'{path.name}' is no file of the scenario"):
+        ask(loaded, OpenFile("mine.yaml"))
+    assert not (folder.parent / "note").exists()
+    if is_link and path.suffix == ".yaml":
+        with pytest.raises(AutodriveError, match=f"'{path.name}' is a link to a place outside of the folder 'mine'"):
+            ask(loaded, OpenFile(path.name))
+
+
+def test_files_of_the_folder_and_of_the_start_are_read(loaded: Client, folder: Path, secrets: Path) -> None:
+    for path in secrets.iterdir():
+        path.rename(folder / path.name)
+    sample = "def sample(self, view, random):\n        return (0.0,)"
+    (folder / "sensor.py").write_text(f"class Sensor:\n    rate, columns = 1.0, ('x [m]',)\n    {sample}\n")
+    files = (
+        "vehicles: {V1: {type: vehicle.yaml, own_sensors: {radar: 'sensor.py:Sensor'}}}\n"
+        "race: {track: track.yaml, rules: ruleset.yaml}\n"
+    )
+    (folder / "all.yaml").write_text(f"title: All\nmap: track.yaml\n{files}")
+    (folder / "town.yaml").write_text(OWN.replace("MODULE", "module.yaml"))
+    ask(loaded, OpenFile("all.yaml"))
+    assert loaded.scene.title == "All"
+    ask(loaded, OpenFile("town.yaml"))
+    start = folder.parent / "start.yaml"
+    start.write_text("title: Start\nmap: there.yaml\n")
+    (folder.parent / "there.yaml").write_text(yaml_files.find("map", "plane").read_text())
+    loader = WorldLoader(RunOptions(str(start), folder=folder, cameras=False))
+    loader.load(str(start)).close()
+    (folder / "again.yaml").write_text(f"title: Again\nmap: {folder.parent / 'there.yaml'}\n")
+    loader.load(str(folder / "again.yaml")).close()
+    loader.load(str(start)).close()
+    loader.load("mini_map").close()
+
+
+@pytest.mark.parametrize("is_link", [False, True])
+def test_what_is_no_regular_file_is_neither_listed_nor_opened_nor_written(
+    loaded: Client, folder: Path, is_link: bool
+) -> None:
+    place = folder.parent if is_link else folder
+    os.mkfifo(place / "pipe.yaml")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(place / "socket.yaml"))
+    (place / "folder.yaml").mkdir()
+    names = ["pipe", "socket", "folder"]
+    if is_link:
+        for name in names:
+            (folder / f"{name}.yaml").symlink_to(place / f"{name}.yaml")
+        (folder / "device.yaml").symlink_to("/dev/zero")
+        names.append("device")
+    assert UserFiles(folder).listed().keys() == {"loop.yaml", "town.yml", "two.yaml"}
+    for name in names:
+        with pytest.raises(
+            AutodriveError, match="is not a regular file" if not is_link else "is a link to another place"
+        ):
+            ask(loaded, SaveFile(name, replaces=True))
+        with pytest.raises(AutodriveError, match=f"'{name}.yaml' is (not in|a link to a place outside of) the folder"):
+            ask(loaded, OpenFile(f"{name}.yaml"))
+    os.mkfifo(folder / "sensor.py")
+    (folder / "mine.yaml").write_text("vehicles: {V1: {own_sensors: {radar: 'sensor.py:Sensor'}}}")
+    with pytest.raises(AutodriveError, match="cannot be read: it is not a regular file"):
+        ask(loaded, OpenFile("mine.yaml"))
 
 
 @pytest.mark.parametrize("name", ["../secret.yaml", "notes.txt", "/etc/passwd", "", "loop", "\0", "mine/../loop.yaml"])

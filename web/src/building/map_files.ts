@@ -1,5 +1,6 @@
 // Map and track files in the page: a file is dropped on it, a link contains the map, and edits are not lost unasked.
 import { Observable } from '../observable'
+import type { Propose } from '../panels/link_changes'
 import type { Store } from '../store'
 import type { Builder } from './builder'
 import { MAX_FILE, through } from './bytes'
@@ -44,7 +45,7 @@ export type AskPicture = (
   use: (options: PictureOptions) => Promise<readonly string[]>,
 ) => Promise<boolean>
 
-/** Opens files that are dropped on the page and the map of its link; asks before unsaved edits are lost.
+/** Opens files that are dropped on the page, and the map of its link if the user agrees; asks before unsaved edits are lost.
  *
  * Returns a function that opens files.
  */
@@ -54,6 +55,7 @@ export function openMapFiles(
   userFiles: UserFiles,
   mayDiscard: () => Promise<boolean>,
   askPicture: AskPicture,
+  propose: Propose,
 ): (files: readonly File[]) => Promise<void> {
   /** A sheet whose picture the user has not opened yet. */
   const sheet = new Observable<Sheet | null>(null)
@@ -129,21 +131,22 @@ export function openMapFiles(
   window.addEventListener('beforeunload', (event) => {
     if (store.hasUnsavedEdits.value) event.preventDefault()
   })
-  openLink(store, use)
+  proposeMapOfLink(store, propose, use)
   return open
 }
 
-/** Opens the map of the link once the simulator has a scene. */
-function openLink(store: Store, use: (text: string) => Promise<void>): void {
+/** Proposes the map of the link once the simulator has a scene. */
+function proposeMapOfLink(store: Store, propose: Propose, use: (text: string) => Promise<void>): void {
   const value = new URLSearchParams(location.hash.slice(1)).get(KEY)
   if (value === null) return
   let isOpened = false
   store.scene.watch((scene) => {
     if (isOpened || !scene || scene.timeline) return
     isOpened = true
-    void unpacked(value).then((text) => {
+    propose('Another map, which is in the link', async () => {
+      const text = await unpacked(value)
       if (text === null) store.warning.value = 'The map in this link is not complete: the link was cut. Copy it again.'
-      else void use(text)
+      else await use(text)
     })
   })
 }

@@ -16,6 +16,7 @@ namespace autodrive {
 
 namespace detail {
 class Connection;
+struct Target;
 }
 
 /// The simulator refused a request; `what` is its message.
@@ -42,9 +43,13 @@ struct Subscription {
 class Client {
 public:
     /// Connects, and waits for the Welcome and the Scene. `token` is the access token, if the simulator needs one.
-    explicit Client(const std::string& host = "127.0.0.1", unsigned short port = 8730, const std::string& token = "",
+    explicit Client(const std::string& host, unsigned short port = 8730, const std::string& token = "",
                     const Subscription& subscription = {},
                     std::chrono::milliseconds timeout = std::chrono::seconds(10));
+    /// Connects to the port AUTODRIVE_PORT of this machine if that environment variable is set, else to the last run of
+    /// this user in the current folder, else to port 8730, and prints to stderr what that is. Throws `Refused` if it is
+    /// not this run, if AUTODRIVE_PORT and the run disagree, or if neither is there and it belongs to another user.
+    Client();
     ~Client();  ///< Closes the connection.
     /// Moves the connection.
     Client(Client&&) noexcept;
@@ -96,6 +101,7 @@ public:
     const Json& status() const { return status_; }    ///< The latest Status: pause, speed, drivers, bridge; null before the first one.
 
 private:
+    explicit Client(const detail::Target& target);
     void send(const Json& message);
     Json receive();
     void handle(const Json& message);

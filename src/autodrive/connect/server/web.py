@@ -121,7 +121,8 @@ class WebApplication:
         await send({"type": "http.response.body", "body": b""})
 
     def _content_policy(self, host: str) -> bytes:
-        websockets = f"ws://{host} wss://{host}" if is_host(host) else ""
+        can_be_named = is_host(host) and not host.startswith("[")  # a content policy has no IPv6 addresses
+        websockets = f"ws://{host} wss://{host}" if can_be_named else ""
         return CONTENT_POLICY.format(websockets=websockets, origins=" ".join(self._policy.allowed_origins)).encode()
 
 

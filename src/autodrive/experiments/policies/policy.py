@@ -31,6 +31,7 @@ from autodrive.base.cache import write_file
 from autodrive.base.elementary import exp
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.base.jit import jit
+from autodrive.base.readable import readable
 from autodrive.base.suggest import suggest
 
 PLAIN, WITH_PACE = 1, 2
@@ -398,7 +399,7 @@ def _pace(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Pace:
 
 
 def _arrays(file: Path) -> dict[str, NDArray[Any]]:
-    if file.stat().st_size > MOST_BYTES:
+    if readable(file).stat().st_size > MOST_BYTES:
         raise ValueError(f"it has more than {MOST_BYTES} bytes")
     with zipfile.ZipFile(file) as archive:
         if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:

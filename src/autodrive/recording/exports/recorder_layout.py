@@ -18,6 +18,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import make_folder, write_file
+from autodrive.base.readable import readable
 from autodrive.protocol.messages import VehicleFrame
 from autodrive.recording import Moment, Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
@@ -133,7 +134,7 @@ def read(path: Path, *, is_left_positive: bool = True) -> DriveLog:
     """
     rows: list[list[str]] = []
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with readable(path).open(newline="", encoding="utf-8") as file:
             for number, row in enumerate(csv.reader(file), 1):
                 if len(row) not in (NIGEL_COLUMNS, ROBORACER_COLUMNS) or (rows and len(row) != len(rows[0])):
                     raise RecordingError(

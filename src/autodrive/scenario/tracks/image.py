@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
+from autodrive.base.readable import readable
 
 MAX_PIXELS = 2**24
 MAX_EDGE = 2**16
@@ -33,7 +34,7 @@ def read_grey(path: Path) -> Floats:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise SpecError([f"an image must have at most {MAX_BYTES // 2**20} MiB"], str(path))
-        data = path.read_bytes()
+        data = readable(path).read_bytes()
     except OSError as error:
         raise SpecError([f"the image cannot be read: {error.strerror or error}"], str(path)) from None
     return grey_of(data, str(path))

@@ -10,6 +10,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
+from autodrive.base.readable import readable
 
 MAX_BYTES = 20 * 2**20
 CENTRE_LINE = "x_m, y_m, w_tr_right_m, w_tr_left_m"
@@ -95,7 +96,7 @@ def _read(path: Path, usual: tuple[str, ...]) -> tuple[list[str], Floats]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise SpecError([f"a CSV file must have at most {MAX_BYTES // 2**20} MiB"], str(path))
-        text = path.read_text(encoding="utf-8-sig")
+        text = readable(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise SpecError([f"cannot be read: {error.strerror or error}"], str(path)) from None
     except UnicodeDecodeError:

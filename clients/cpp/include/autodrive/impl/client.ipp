@@ -1,5 +1,7 @@
 #pragma once
 
+#include <iostream>
+
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -9,6 +11,7 @@
 #include "autodrive/client.hpp"
 #include "autodrive/impl/messages.ipp"
 #include "autodrive/impl/msgpack.ipp"
+#include "autodrive/impl/target.ipp"
 
 namespace autodrive {
 
@@ -33,7 +36,7 @@ public:
         socket_.read_message_max(std::size_t{1} << 26);
         socket_.binary(true);
         run([&](auto done) {
-            socket_.async_handshake(host + ":" + number, token.empty() ? "/ws" : "/ws?token=" + escaped(token),
+            socket_.async_handshake(address_text(host, port), token.empty() ? "/ws" : "/ws?token=" + escaped(token),
                                     [done](Error error) { done(error); });
         });
     }
@@ -96,6 +99,15 @@ AUTODRIVE_INLINE Client::Client(const std::string& host, unsigned short port, co
     subscribe["frame_rate"] = subscription.frame_rate ? Json(*subscription.frame_rate) : Json();
     send(subscribe);
     while (welcome_.is_null() || scene_.is_null()) handle(receive());
+}
+
+AUTODRIVE_INLINE Client::Client() : Client(detail::default_target()) {}
+
+AUTODRIVE_INLINE Client::Client(const detail::Target& target) : Client(target.host, target.port) {
+    detail::check_welcome(welcome_, target);
+    std::cerr << "autodrive: connected to '" << welcome_.value("title", "") << "' at "
+              << detail::address_text(target.host, target.port) << ", started by "
+              << detail::described(welcome_.value("run", Json())) << std::endl;
 }
 
 AUTODRIVE_INLINE Client::~Client() = default;
