@@ -11,7 +11,7 @@ import re
 import shutil
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -34,7 +34,7 @@ from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import Rectangle
 from autodrive.scenario.maps.solids import BlockSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, MAX_STATICS
-from autodrive.scenario.vehicles.spec import RigidBodySpec, WheelSpec
+from autodrive.scenario.vehicles.spec import RigidBodySpec, VehicleSpec, WheelSpec
 from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.hardening import cases
@@ -170,6 +170,25 @@ def test_a_hostile_text_is_refused_with_its_line(attack: str, tmp_path: Path) ->
     message = refused(kind, path)
     assert re.search(expected, message), message
     assert len(message) < 100_000
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda text: parse(text, VehicleSpec),
+        lambda text: find("vehicle", text),
+        lambda text: find("scenario", text),
+        load_map,
+    ],
+)
+def test_a_text_of_60_megabytes_is_refused_at_once(read: Callable[[str], object]) -> None:
+    """Also where a name is expected."""
+    text = find("vehicle", "nigel").read_text() + 60_000_000 * "#"
+    start = time.process_time()
+    with pytest.raises(SpecError) as caught:
+        read(text)
+    assert time.process_time() - start < 1.0  # without a limit 2 to 15 s
+    assert len(str(caught.value)) < 2000
 
 
 CARS: dict[str, tuple[dict[str, Any], str]] = {

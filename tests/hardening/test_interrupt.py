@@ -113,7 +113,7 @@ def test_a_hang_up_that_is_ignored_stays_ignored() -> None:
         with StopSignals(lambda _: None) as signals:
             signals.catch()
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-            assert signal.getsignal(signal.SIGTERM) == signals._on_signal
+            assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, signal.SIG_IGN)
     finally:
         signal.signal(signal.SIGHUP, before)
 

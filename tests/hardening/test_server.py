@@ -7,7 +7,7 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import autodrive
-from autodrive import AutodriveError, Simulation
+from autodrive import AutodriveError, Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server import connections, hub
 from autodrive.connect.server.bridge_control import BridgeControl
@@ -26,8 +26,10 @@ from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import Server
-from autodrive.protocol.messages import AddBox, Collision, SetSpeed
+from autodrive.protocol.messages import AddBox, Collision, Frame, Operation, SetSpeed
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
+from autodrive.world.factory import new_world
 from autodrive.world.scene_files import SceneFiles
 from tests.support.attackers import frame
 from tests.support.native_clients import native_client, pack, raw, scene_files
@@ -203,6 +205,53 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
         wait_until(lambda: len(received) == 20)
         assert len(posted) == 1, "the one that is executed; no other one waits"
         is_free.set()
+
+
+class Order:
+    """Observer: the operations in the order of their execution; the first one ends when `is_free`."""
+
+    def __init__(self) -> None:
+        self.is_free = threading.Event()
+        self.executed_types: list[str] = []
+
+    def publish(self, frame: Frame) -> None:
+        pass
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        pass
+
+    def executed(self, request: Operation) -> None:
+        self.executed_types.append(type(request).__name__)
+        assert self.is_free.wait(LIMIT)
+
+
+def test_a_client_does_not_wait_for_forty_others_who_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a pause, in which nothing is limited, so that only the order counts."""
+    received, execute = [], Requests.execute
+    monkeypatch.setattr(Requests, "execute", lambda *words: (received.append(1), execute(*words))[1])
+    order = Order()
+    scenario = ScenarioSpec(vehicles={"V1": VehiclePlacement()}, boxes={"a": BoxSpec(x=3.0, y=3.0)})
+    simulation = Simulation(autodrive.make(scenario), load=new_world, is_paused=True)
+    simulation.add_observer(order)
+    with simulation, served(simulation) as server, contextlib.ExitStack() as stack:
+        builders = [stack.enter_context(native_client(server)) for _ in range(40)]
+        client = stack.enter_context(native_client(server))
+        for number, builder in enumerate(builders):
+            block = {"type": "MapBlock", "x": 9.0, "y": 0.5 * number, "length": 0.3, "width": 0.3, "height": 0.2}
+            builder.send("Subscribe", frame_rate=0.0)
+            builder.begin("EditMap", parts={f"block_{number}": block})
+        wait_until(lambda: len(received) == 40)
+        ids = [
+            client.begin("Teleport", vehicle="V1", x=1.0, y=0.0),
+            client.begin("SetWeather", weather={"rain": 0.5}),
+            client.begin("RemoveBox", name="a"),
+        ]
+        wait_until(lambda: len(received) == 43)
+        order.is_free.set()
+        assert [client.answer(id)["type"] for id in ids] == 3 * ["Response"]
+        builds_before = order.executed_types.index("RemoveBox") - 2
+        assert builds_before < 8, order.executed_types  # one for each answer, and few that begin meanwhile
+    assert order.executed_types.index("Teleport") < order.executed_types.index("SetWeather")
 
 
 @pytest.mark.parametrize("part", ["world", "scene"])

@@ -141,6 +141,12 @@ def test_the_files_that_it_names_travel_and_give_the_same_bits(street: Path, tmp
     assert digests(autodrive.make(again), 20, drive) == want
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, "title: x\nplacements: !!python/tuple [1]", "a: ["])
+def test_the_map_of_a_stranger_s_recording_is_read_within_the_limits_of_a_file(text: str, tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="invalid YAML"):
+        write_to(tmp_path, ScenarioSpec(map="theirs.yaml"), {"map/theirs.yaml": text})
+
+
 def test_it_is_recorded_and_simulated_again(street: Path, tmp_path: Path) -> None:
     simulation = Simulation(autodrive.make(street), speed=None, load=autodrive.make)
     with Recorder(tmp_path / "run.mcap", simulation, has_meshes=False) as recorder:

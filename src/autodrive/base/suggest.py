@@ -44,7 +44,7 @@ _MEANINGS = {
 def suggest(word: str, known: list[str]) -> str:
     """Text for an unknown word: 'Known: a, b. Did you mean 'a'?'; of many known words, the first 100."""
     more = f" and {len(known) - 100} more" if len(known) > 100 else ""
-    known = known[:100]
+    known, word = known[:100], word[:100]
     text = f"Known: {', '.join(known) or 'none'}{more}."
     same = [key for key in known if word.lower() in (key.lower(), *_MEANINGS.get(key, ()))]
     close = same or difflib.get_close_matches(word, known, n=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import reprlib
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -75,7 +76,9 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
     """
     if not isinstance(name, str | Path):
         wanted = f"a name, such as '{names(kind)[0]}', or the path of a YAML file"
-        raise SpecError([f"a {kind} must be {wanted}, not {short(repr(name))}"])
+        raise SpecError([f"a {kind} must be {wanted}, not {reprlib.repr(name)}"])
+    if len(str(name)) > MAX_CHARACTERS:  # the text of a file instead of its path
+        raise SpecError([f"{kind} '{short(str(name))}' is not known. {suggest('', names(kind))}"])
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
         if problem := refused(path):
@@ -99,6 +102,8 @@ class Source:
         """Raises `SpecError` if the text is not YAML, has tags, or is beyond the limits, such as `MAX_NODES`."""
         self.text = text
         self.path = path
+        if len(text) > MAX_BYTES:
+            raise SpecError([f"a file must have at most {MAX_BYTES // 2**20} MiB"], path)
         try:
             _check_limits(text)
             loader = _Loader(text)

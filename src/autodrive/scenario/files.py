@@ -163,7 +163,8 @@ def _absolute(key: str) -> str:
 def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> ScenarioSpec:
     """Write the files of a scenario, as `files_of` returns them; the scenario with their paths.
 
-    Raises `KeyError` for a file that is not there, and `ValueError` for one of an unknown kind.
+    Raises `KeyError` for a file that is not there, `ValueError` for one of an unknown kind, and `SpecError` for a map
+    that is no YAML within the limits.
     """
 
     def path_of(kind: str, name: str) -> str:
@@ -178,7 +179,7 @@ def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> 
             raise ValueError(f"a file '{key}' of an unknown kind")
         path = Path(path_of(kind, name))
         path.parent.mkdir(parents=True, exist_ok=True)
-        tree = yaml.safe_load(text) if kind == "map" else None
+        tree = Source(text, name).tree if kind == "map" else None
         for placement in (tree.get("placements") or ()) if isinstance(tree, dict) else ():
             placement["module"] = path_of("module", str(placement["module"]))
         path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True) if tree else text, encoding="utf-8")

@@ -102,7 +102,8 @@ def test_two_simulators_get_their_own_answers(echo: Server) -> None:
 
 
 @pytest.mark.parametrize(
-    "invalid", ["42", "42[", '42["Bridge"]', '42["Other",{"a":1}]', '42["Bridge",[]]', "x", "", "1"]
+    "invalid",
+    ["42", "42[", '42["Bridge"]', '42["Other",{"a":1}]', '42["Bridge",[]]', "42" + "[" * 100_000, "x", "", "1"],
 )
 def test_an_invalid_packet_is_ignored_and_the_next_message_is_answered(echo: Server, invalid: str) -> None:
     with connect(ADDRESS.format(echo.port)) as simulator:

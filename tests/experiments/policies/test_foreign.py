@@ -180,7 +180,7 @@ def test_a_network_that_does_not_fit_is_named(tmp_path: Path) -> None:
     ml_agents(file, (54, 2), (3, 3))
     assert_error(file, "duel", "its observations have 54 \\+ 2 numbers")
     file.write_bytes(b"no network")
-    assert_error(file, "crossing", "it is not a network in the format ONNX: ")
+    assert_error(file, "crossing", "it is not a network in the format ONNX, or exceeds a limit: ")
     assert_error(tmp_path / "missing.onnx", "crossing", "missing.onnx: there is no such file")
     image = {"obs_0": (FLOAT, ["n", 14, 1])}, {"action": (FLOAT, ["n", 14, 1])}
     save(file, *image, [helper.make_node("Identity", ["obs_0"], ["action"])], {})

@@ -23,7 +23,7 @@ from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies import Memory, Policy
-from autodrive.experiments.policies.policy import Driver, Drivers, Pace
+from autodrive.experiments.policies.policy import GREATEST, Driver, Drivers, Pace
 from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
@@ -166,6 +166,15 @@ def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]]
         (lambda about, arrays: about.pop("inputs"), "is not a policy: 'inputs'"),
         (lambda about, arrays: about.update(scale=[1.0]), "57 inputs needs as many scales, not 1"),
         (lambda about, arrays: about.update(throttle=[0.0]), "is not a policy"),
+        (
+            lambda about, arrays: about.update(throttle=[-1e308, 1e308]),
+            "must be two numbers from -10 to 10, not -1e\\+308",
+        ),
+        (lambda about, arrays: about.update(scale=[1e308] * len(about["scale"])), "scales of a policy must be numbers"),
+        (
+            lambda about, arrays: arrays["weight_0"].fill(3e38),
+            "layer 0 of the policy has numbers that are not from -1e",
+        ),
         (lambda about, arrays: arrays.pop("weight_2"), "two outputs, throttle and steering, not 16"),
         (lambda about, arrays: arrays.update(weight_1=np.zeros((16, 3))), r"shape \(16, 3\)"),
     ],
@@ -259,6 +268,16 @@ def test_a_pace_makes_the_policy_slower_by_the_weighted_mean_of_its_estimates() 
             drives[car].append(float(outputs[0, 0]))
     assert min(found) == 0.9  # a limit
     assert 1.2 < max(found) < 1.3
+
+
+def test_the_greatest_numbers_that_a_file_may_have_overflow_nowhere() -> None:
+    """An infinity in a sum with another one would be no number, which no car can obey."""
+    most = GREATEST
+    layers = tuple((np.where(weight > 0, most, -most).astype("f4"), bias) for weight, bias in random_policy().layers)
+    policy = replace(random_policy(), layers=layers, scale=(most,) * len(INPUTS))
+    drivers = Drivers(policy, INPUTS)
+    commands = [drivers.act(np.full((1, len(INPUTS)), reading)) for reading in (1e9, -1e9, 1e9)]
+    assert np.isfinite(commands).all()
 
 
 def test_a_pace_that_keeps_nothing_and_one_without_evidence() -> None:

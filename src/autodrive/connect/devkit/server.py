@@ -158,7 +158,7 @@ class Server:
     def _commands(self, text: str) -> Mapping[str, str] | None:
         try:
             event, data = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             log.warning("invalid message: %.60r; expected 42[%r, {...}]", text, EVENT)
             return None
         if event != EVENT or not isinstance(data, dict) or not data:

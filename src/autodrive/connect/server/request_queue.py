@@ -9,20 +9,27 @@ from itertools import count
 
 from autodrive.base.token_bucket import TokenBucket
 from autodrive.protocol.messages import (
+    AddBox,
     CloseLoop,
     EditMap,
     EditTrack,
     GenerateTrack,
     LoadScenario,
+    Place,
+    Redo,
+    RemoveBox,
     Reset,
     Seek,
     SetSceneLight,
+    SetSensor,
     SetSpeed,
     SetTimeOfDay,
     SetWeather,
+    Undo,
     UseMap,
 )
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera, ViewSensor
+from autodrive.protocol.own_files import ImportTrack, OpenFile
 
 MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 """Requests of one client that wait, and bytes of their messages; more are refused."""
@@ -32,6 +39,8 @@ SHARE, BURST = 0.2, 2.0
 MAP_EDITS, EDIT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 8.0
 """Such requests have a share of their own, and may use that time at once [s], those of one client and those of all: a
 person makes many edits in a row. Other requests of a client wait for their share each."""
+BUILDS = (*MAP_EDITS, AddBox, RemoveBox, Place, SetSensor, LoadScenario, ImportTrack, OpenFile, Undo, Redo)
+"""Requests that may make another World, for which the short ones do not wait. They have a share of their own, too."""
 
 REPLACED = (
     Reset,
@@ -59,22 +68,30 @@ class Entry:
     number: int = field(default_factory=count().__next__)
     """Of two requests, the newer one has the greater number."""
     started: float = 0.0
-    """Time at which its execution began [s]."""
-    ended: float = 0.0
-    """Time at which the simulation had executed it [s]."""
+    """Time at which its turn began [s]."""
+    work: float = 0.0
+    """Time that its preparation and the simulation needed [s]."""
+
+    @property
+    def is_build(self) -> bool:
+        """Whether it may make another World."""
+        return isinstance(self.operation, BUILDS)
 
 
 class Limits:
-    """Of the time that requests use: of edits of a map, and of others, which may use `burst` at once [s]."""
+    """Of the time that edits of a map, other builds and short requests use; those two may use `burst` at once [s]."""
 
     def __init__(self, burst: float) -> None:
         now = time.perf_counter()
         self._edits = TokenBucket(SHARE, EDIT_BURST, now)
+        self._builds = TokenBucket(SHARE, burst, now)
         self._others = TokenBucket(SHARE, burst, now)
 
     def of(self, operation: ServerOperation) -> TokenBucket:
         """The limit of an operation."""
-        return self._edits if isinstance(operation, MAP_EDITS) else self._others
+        if isinstance(operation, MAP_EDITS):
+            return self._edits
+        return self._builds if isinstance(operation, BUILDS) else self._others
 
     def pay(self, operation: ServerOperation, work: float, now: float) -> None:
         """An operation took that time [s] and has just ended: the next ones wait for their share."""
@@ -117,7 +134,7 @@ class RequestQueue:
         """Remove and return the next request, to execute it now."""
         self.is_busy = True
         entry = self._entries.popleft()
-        entry.started = entry.ended = now
+        entry.started = now
         return entry
 
     def clear(self) -> None:

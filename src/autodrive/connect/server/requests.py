@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import CancelledError, Future
+from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.base.errors import AutodriveError
@@ -101,8 +102,10 @@ class Turn(NamedTuple):
 class Requests:
     """Used in the server's event loop. `on_change` is called when the Status changes.
 
-    While time runs, edits of a map use at most `SHARE` of the time, and so do the other requests, those of a client
-    and those of all clients together. A client that connects again waits for its turn like the others.
+    While time runs, edits of a map use at most `SHARE` of the time, and so do other builds and short requests, those of
+    a client and those of all clients together. The kinds of operations take turns: however many clients build, a
+    request of another kind is executed soon. In each kind the clients take turns; one that connects again waits like
+    the others. The simulation has one build and one short request at a time.
     """
 
     def __init__(
@@ -136,8 +139,11 @@ class Requests:
         self._queues: dict[ConnectedClient, RequestQueue] = {}
         """The queue of each client; the client whose turn is next comes first."""
         self._limits = Limits(BURST)
-        self._is_busy = False
-        """Whether the simulation executes a request."""
+        self._turns: dict[type, int] = {}
+        """Kind of operation -> number of its latest turn."""
+        self._count = count(1)
+        self._busy: set[bool] = set()
+        """What the simulation executes: True: a build, False: a short request."""
         self._timer: asyncio.Handle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -174,12 +180,13 @@ class Requests:
         self._stop_timer()
         now = time.perf_counter()  # exact: the time of the event loop stands still during a turn
         earliest = math.inf
-        for client, queue in list(self._queues.items()):
-            if (entry := queue.next) is None:
+        waiting = [(client, queue) for client, queue in self._queues.items() if queue.next]
+        for client, queue in sorted(waiting, key=lambda one: self._latest_turn(one[1])):
+            if (entry := queue.next) is None:  # it was executed with a request of another client
                 continue
             free_at = queue.limits.of(entry.operation).free_at
             if not isinstance(entry.operation, OF_SERVER):
-                if self._is_busy:
+                if entry.is_build in self._busy:
                     continue
                 if not self._simulation.is_paused:
                     free_at = max(free_at, self._limits.of(entry.operation).free_at)
@@ -187,9 +194,14 @@ class Requests:
                 earliest = min(earliest, free_at)
                 continue
             self._queues[client] = self._queues.pop(client)  # next time it is the turn of the others
+            self._turns[type(entry.operation)] = next(self._count)
             self._begin(self._turn(client, queue, now))
         if earliest < math.inf:
             self._timer = asyncio.get_running_loop().call_later(earliest - now, self._execute_next)
+
+    def _latest_turn(self, queue: RequestQueue) -> int:
+        """Number of the latest turn of the kind of its next operation; 0: there was none."""
+        return self._turns.get(type(queue.next.operation), 0) if queue.next else 0
 
     def _turn(self, client: ConnectedClient, queue: RequestQueue, now: float) -> Turn:
         """The next request of a client, or the newest LoadScenario if that is what several clients wait for."""
@@ -232,7 +244,7 @@ class Requests:
                     self._broadcast.remote_views.set_view(turn.client, view, self._clock())
                     self._respond(turn, self._broadcast.latest)
                 case LoadScenario() | AddBox() | ImportTrack() | OpenFile() as operation:
-                    self._is_busy = True
+                    self._busy.add(turn.entry.is_build)
                     if isinstance(operation, LoadScenario):
                         self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
                         self._on_change()
@@ -240,7 +252,7 @@ class Requests:
                 case DescribeWeather():
                     raise AssertionError("it is answered beside the queue")
                 case operation:
-                    self._is_busy = True
+                    self._busy.add(turn.entry.is_build)
                     self._submit(turn, operation)
         except Exception as error:
             self._refuse(turn, error)
@@ -274,15 +286,16 @@ class Requests:
         for one in (turn, *turn.older):
             one.queue.is_busy = False
             if is_limited:
-                work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
+                took = now - entry.started if is_of_server or entry.is_build else entry.work  # with its scene files
+                work = max(took, LEAST_WORK.get(type(entry.operation), 0.0))
                 one.queue.limits.pay(entry.operation, work, now)
         if is_limited and not is_of_server:
-            self._limits.pay(entry.operation, entry.ended - entry.started, now)
+            self._limits.pay(entry.operation, entry.work, now)
         if isinstance(entry.operation, LoadScenario):
             self.note = ""
             self._on_change()
         if not is_of_server:
-            self._is_busy = False
+            self._busy.discard(entry.is_build)
         self._execute_soon()
 
     def _unknown(self, operation: ServerOperation) -> str:
@@ -324,12 +337,13 @@ class Requests:
         """Pass an operation to the simulation."""
         if isinstance(operation, Step):
             self._check_step(turn.client, operation)
+        prepared = time.perf_counter() - turn.entry.started
         future = self._simulation.request(operation, here=True)
         if isinstance(operation, Step):
             self._frame_queue.steps += 1
 
-        def note_end(_: Future[Frame]) -> None:
-            turn.entry.ended = time.perf_counter()
+        def note_work(_: Future[Frame]) -> None:
+            turn.entry.work = prepared + time.perf_counter() - future.began
 
         def reply(done: Future[Frame]) -> None:
             if isinstance(operation, Step):
@@ -346,7 +360,7 @@ class Requests:
             else:
                 self._respond(turn, frame, Answer(text or warnings))
 
-        future.add_done_callback(note_end)
+        future.add_done_callback(note_work)
         self._frame_queue.call_when_done(future, reply)
         if future.done():
             self._frame_queue.deliver()

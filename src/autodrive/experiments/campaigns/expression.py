@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -93,8 +94,9 @@ def _problems(node: ast.expr, names: list[str], *, is_condition: bool) -> Iterat
         case ast.Name(id=name):
             if name not in names:
                 yield f"'{name}' is not a metric of this campaign. {suggest(name, names)}"
-        case ast.Constant(value=bool() | int() | float()):
-            pass
+        case ast.Constant(value=int() | float() as value):
+            if abs(value) > sys.float_info.max:
+                yield f"'{ast.unparse(node)[:20]}...' is too large: numbers are at most {sys.float_info.max:.1e}"
         case _:
             yield f"'{ast.unparse(node)}' is not allowed; use metrics, numbers, + - * /, abs, min and max"
     for part in parts:
@@ -133,4 +135,4 @@ def _number(node: Any, values: Mapping[str, float]) -> float:
         case ast.Name(id=name):
             return values[name]
         case _:
-            return float(node.value)
+            return float(node.value)  # `_problems` refuses what is too large

@@ -9,6 +9,7 @@ number of the choice.
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,9 +18,12 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Integers
 from autodrive.base.errors import SpecError
+from autodrive.experiments.network_process import NetworkError, NetworkProcess
 
-MOST_BYTES = 2**28
+MOST_BYTES = 2**26
 """Largest file that is read."""
+MOST_CHARACTERS = 500
+"""Of an error: names and shapes in a file can be of any length."""
 MASKS, PREVIOUS = "action_masks", "prev_action"
 OUTPUTS = ("deterministic_discrete_actions", "discrete_actions", "discrete_action", "action")
 """Of ML-Agents, the best one first: the same observation then gives the same action."""
@@ -60,7 +64,7 @@ class ForeignPolicy:
         """Raises `SpecError` if the file is no network of this shape, or if `onnxruntime` is not installed."""
         self.shape = SHAPES[task]
         self._file = file
-        self._session = self._opened()
+        self._network = self._opened()
         self._inputs = self._found_inputs()
         self._output = self._found_output()
         self.act(np.zeros((1, self.shape.width), np.float32))  # what is wrong is found here, not while a car drives
@@ -74,51 +78,44 @@ class ForeignPolicy:
             return np.concatenate([self.act(one[None]) for one in observations])
         given = {name: make(observations) for name, make in self._inputs.items()}
         try:
-            (values,) = self._session.run([self._output], given)
-        except Exception as error:  # onnxruntime has no common class of its errors
-            raise self._error(f"the network does not run: {_line(error)}") from None
+            values = self._network.run(self._output, given)
+        except NetworkError as error:
+            raise self._error(f"the network does not run: {error}") from None
         return self._chosen(np.asarray(values).reshape(len(observations), -1))
 
-    def _opened(self) -> Any:
-        try:
-            import onnxruntime  # noqa: PLC0415  an extra
-        except ModuleNotFoundError as error:
-            if error.name != "onnxruntime":
-                raise
-            raise self._error("an ONNX file needs onnxruntime; install it with:  pip install -e '.[onnx]'") from None
+    def _opened(self) -> NetworkProcess:
+        if find_spec("onnxruntime") is None:
+            raise self._error("an ONNX file needs onnxruntime; install it with:  pip install -e '.[onnx]'")
         file = Path(self._file)
         if not file.is_file():
             raise self._error("there is no such file")
         if file.stat().st_size > MOST_BYTES:
             raise self._error(f"it has more than {MOST_BYTES} bytes")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4
-        onnxruntime.set_seed(0)  # networks that sample their actions
         try:
-            return onnxruntime.InferenceSession(file.read_bytes(), options, providers=["CPUExecutionProvider"])
-        except Exception as error:
-            raise self._error(f"it is not a network in the format ONNX: {_line(error)}") from None
+            return NetworkProcess(file.read_bytes())
+        except NetworkError as error:
+            raise self._error(f"it is not a network in the format ONNX, or exceeds a limit: {error}") from None
 
     def _found_inputs(self) -> dict[str, Any]:
         """What goes into each input, as a function of the observations."""
         made: dict[str, Any] = {}
         parts: list[tuple[str, int]] = []
         self._is_single = False
-        for one in self._session.get_inputs():
+        for one in self._network.ports.inputs:
             name, width = _plain(one.name), one.shape[-1] if len(one.shape) == 2 else None
             if name in MEMORY:
                 raise self._error(f"input '{one.name}': networks with a memory are not supported")
             self._is_single = self._is_single or one.shape[:1] == [1]
             if name in (MASKS, PREVIOUS):
                 columns = sum(self.shape.branches) if name == MASKS else len(self.shape.branches)
-                columns = width if isinstance(width, int) else columns
+                if isinstance(width, int) and width != columns:
+                    raise self._error(f"input '{one.name}' has {width} numbers for a car, {self._wanted}")
                 made[one.name] = _constant(1.0 if name == MASKS else 0.0, columns, one.type)
             elif "float" not in one.type or not isinstance(width, int):
                 raise self._error(f"input '{one.name}' is {one.type} of the shape {one.shape}, {self._wanted}")
             else:
                 parts.append((one.name, width))
-        parts.sort(key=lambda part: [int(number) for number in re.findall(r"\d+", part[0])])
+        parts.sort(key=lambda part: [int(number) for number in re.findall(r"\d{1,18}", part[0])])
         made |= self._columns(parts)
         return made
 
@@ -133,7 +130,7 @@ class ForeignPolicy:
         return {name: _slice(starts[width], width) for name, width in parts}
 
     def _found_output(self) -> str:
-        outputs = {_plain(one.name): one.name for one in self._session.get_outputs()}
+        outputs = {_plain(one.name): one.name for one in self._network.ports.outputs}
         for name in OUTPUTS:
             if name in outputs:
                 return outputs[name]
@@ -168,7 +165,7 @@ class ForeignPolicy:
         )
 
     def _error(self, text: str) -> SpecError:
-        return SpecError([f"{self._file}: {text}"])
+        return SpecError([f"{self._file}: {text[:MOST_CHARACTERS]}"])
 
 
 def _plain(name: str) -> str:
@@ -183,7 +180,3 @@ def _constant(value: float, columns: int, kind: str) -> Any:
 
 def _slice(start: int, width: int) -> Any:
     return lambda observations: np.ascontiguousarray(observations[:, start : start + width])
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

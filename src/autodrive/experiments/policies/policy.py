@@ -50,6 +50,10 @@ PACE = "pace_"
 """Before the names of the arrays of a pace."""
 PACE_NUMBERS = "inputs", "scale", "slowness", "keep", "top_throttle"
 """Its other attributes."""
+GREATEST = 1e6
+"""Of the magnitudes of scales, weights and biases: no sum of products of such numbers overflows."""
+GREATEST_THROTTLE = 10.0
+"""Likewise, of the throttle of an output; a car gets 1 at most."""
 LONGEST = 100
 """Steps ago of the oldest moment that a policy may read."""
 
@@ -120,6 +124,12 @@ class Policy:
 
     def __post_init__(self) -> None:
         _check("policy", self.inputs, self.scale, self.layers, "throttle and steering")
+        if not all(abs(one) <= GREATEST_THROTTLE for one in self.throttle):
+            low, high = self.throttle
+            raise AutodriveError(
+                f"the throttle of a policy must be two numbers from -{GREATEST_THROTTLE:g} to {GREATEST_THROTTLE:g}, "
+                f"not {low:g} and {high:g}"
+            )
 
     @property
     def readings(self) -> tuple[str, ...]:
@@ -342,6 +352,8 @@ def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Seq
     width = len(inputs)
     if len(scale) != width:
         raise AutodriveError(f"a {name} with {width} inputs needs as many scales, not {len(scale)}")
+    if not all(abs(one) <= GREATEST for one in scale):
+        raise AutodriveError(f"the scales of a {name} must be numbers from -{GREATEST:g} to {GREATEST:g}")
     moments(inputs)
     for number, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != width:
@@ -349,8 +361,10 @@ def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Seq
                 f"layer {number} of the {name} has a weight of shape {weight.shape} and a bias of shape "
                 f"{bias.shape}; {width} numbers go in"
             )
-        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-            raise AutodriveError(f"layer {number} of the {name} has numbers that are not finite")
+        if not ((abs(weight) <= GREATEST).all() and (abs(bias) <= GREATEST).all()):
+            raise AutodriveError(
+                f"layer {number} of the {name} has numbers that are not from -{GREATEST:g} to {GREATEST:g}"
+            )
         width = len(bias)
     if not layers or width != 2:
         raise AutodriveError(f"the last layer of a {name} has two outputs, {outputs}, not {width}")

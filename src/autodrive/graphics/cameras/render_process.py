@@ -50,8 +50,8 @@ class RenderProcess:
     """Draws one request after the other, each client in turn; a thread of its own talks to the worker.
 
     If the worker dies, or is killed because it does not answer, a new one draws the same request, `RESTARTS` times in
-    an hour. After that, or if nothing can be drawn, as without OpenGL, one line is logged and each request fails. All methods
-    may be called in any thread; only `wait` and `close` wait.
+    an hour. After that, or if nothing can be drawn, as without OpenGL, one line is logged and each request fails. All
+    methods may be called in any thread; only `wait` and `close` wait.
     """
 
     def __init__(self, rig: CameraRig, subject: str, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from concurrent.futures import Future
 from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec.structs import replace
@@ -25,7 +24,7 @@ from autodrive.protocol.messages import (
     SetSpeed,
     Step,
 )
-from autodrive.world.simulation.paced import Paced
+from autodrive.world.simulation.paced import Execution, Paced
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.process_cameras import ProcessCameras
@@ -118,7 +117,7 @@ class Player(Paced):
         """Raises `CommandError`: the recorded commands drive."""
         raise CommandError(self.refusal)
 
-    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+    def request(self, request: Operation, *, here: bool = False) -> Execution:
         """Play, pause, step, seek or set the speed; the result is the Frame after it. Raises `CommandError`."""
         check_operation(request)
         match request:
@@ -136,7 +135,7 @@ class Player(Paced):
                     raise CommandError(f"the time of a Seek must be a number of seconds, not {time}")
             case _:
                 raise CommandError(self.refusal)
-        return self._post(request, Future())
+        return self._post(request, Execution())
 
     def want_images(self, wanted: bool) -> None:
         """Whether Frames need the images of the cameras."""

@@ -13,7 +13,7 @@ import msgspec
 
 from autodrive.base import yaml_files
 from autodrive.base.errors import CommandError
-from autodrive.base.specs import checked
+from autodrive.base.specs import checked, short
 from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import (
     EditMap,
@@ -52,7 +52,7 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     if isinstance(edit, UseMap) and not edit.text:
         known = yaml_files.names("map")
         if edit.name not in known:
-            raise CommandError(f"map '{edit.name}' is not known. {suggest(edit.name, known)}")
+            raise CommandError(f"map '{short(edit.name)}' is not known. {suggest(edit.name, known)}")
         return _with_map(specs, edit.name, read_map(edit.name)[0])
     modules = specs.map.modules
     if specs.map.path:
@@ -82,7 +82,7 @@ def _check_modules(names: Iterable[str], of_map: Collection[str]) -> None:
     known = sorted({*yaml_files.names("module"), *of_map})
     for name in names:
         if name not in known:
-            raise CommandError(f"module '{name}' is not known. {suggest(name, known)}")
+            raise CommandError(f"module '{short(name)}' is not known. {suggest(name, known)}")
 
 
 def own_map(specs: Specs) -> MapSpec:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import reprlib
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
@@ -25,6 +26,19 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
+class Execution(Future[Frame]):
+    """The Frame after a request; `began`: when its execution did, by `time.perf_counter` [s]."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.began = time.perf_counter()
+
+    def set_running_or_notify_cancel(self) -> bool:
+        """Called when the execution begins."""
+        self.began = time.perf_counter()
+        return super().set_running_or_notify_cancel()
+
+
 class Paced(Publisher, ABC):
     """Frames at a pace. Its methods may be called from any thread.
 
@@ -42,7 +56,7 @@ class Paced(Publisher, ABC):
         self._clock: Clock = clock or WallClock()
         self._is_paused = is_paused
         self._keeps_running = keeps_running
-        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
+        self._requests: deque[tuple[Operation, Execution]] = deque()
         self._mailbox = threading.Condition()
         self._thread: threading.Thread | None = None
         self._is_stopping = False
@@ -88,7 +102,7 @@ class Paced(Publisher, ABC):
         """Set the command for the next tick. Raises `CommandError`."""
 
     @abstractmethod
-    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+    def request(self, request: Operation, *, here: bool = False) -> Execution:
         """Execute a request before the next tick, in the order of the calls. Raises `CommandError`.
 
         The result of the Future is the Frame after the request.
@@ -160,7 +174,7 @@ class Paced(Publisher, ABC):
         self._claim(thread)
         thread.start()
 
-    def _post(self, request: Operation, done: Future[Frame]) -> Future[Frame]:
+    def _post(self, request: Operation, done: Execution) -> Execution:
         """Leave a request for the thread."""
         with self._mailbox:
             self._requests.append((request, done))

@@ -7,7 +7,6 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future
 from typing import TYPE_CHECKING, get_args
 
 from autodrive.base.errors import CommandError, EngineError, SensorError
@@ -50,7 +49,7 @@ from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
 from autodrive.world.observer import Observer
 from autodrive.world.simulation.checks import check_driven, check_request, check_speed, check_world
-from autodrive.world.simulation.paced import Paced
+from autodrive.world.simulation.paced import Execution, Paced
 
 if TYPE_CHECKING:
     from autodrive.scenario.descriptions import Descriptions
@@ -181,19 +180,19 @@ class Simulation(Paced):
             for vehicle in list(self._renewable) if vehicles is None else vehicles:
                 self._renewable.pop(vehicle, None)
 
-    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+    def request(self, request: Operation, *, here: bool = False) -> Execution:
         """Execute a request before the next tick, in the order of the calls. Raises `CommandError`.
 
         The result of the Future is the Frame after the request. `here`: a short Step of a paused simulation may run in
         the thread of the caller, including the sinks, which avoids two thread switches.
         """
         check_request(request, self._frame, error=self.error, can_load=self._load is not None)
-        done: Future[Frame] = Future()
+        done = Execution()
         if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
             return done
         return self._post(request, done)
 
-    def _step_here(self, step: Step, done: Future[Frame]) -> bool:
+    def _step_here(self, step: Step, done: Execution) -> bool:
         """Returns False if another thread uses the World or other requests are waiting."""
         if not self._world_lock.acquire(blocking=False):
             return False
