@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from autodrive.base.suggest import suggest
+from autodrive.base.suggest import suggest, suggesting
 from autodrive.recording import Moment, Recording, RecordingError
 
 
+@suggesting
 @dataclass(frozen=True)
 class ExportOptions:
     """Options of an export. Not every format uses all of them."""

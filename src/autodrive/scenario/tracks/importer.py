@@ -15,6 +15,8 @@ from shapely.geometry.base import BaseGeometry
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import make_folder
 from autodrive.base.errors import SpecError
+from autodrive.base.specs import is_yaml
+from autodrive.base.suggest import suggesting
 from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.contours import contours, free_area
 from autodrive.scenario.tracks.line import closed_line
@@ -29,6 +31,7 @@ MAX_POINTS = 20_000
 """On both walls, for the computation of the centre line."""
 
 
+@suggesting
 @dataclass(frozen=True)
 class ImportOptions:
     """How a track is imported."""
@@ -91,7 +94,7 @@ def find_sources(path: Path) -> Sources:
         return found
     if not path.is_file():
         raise SpecError([f"'{path}' {'is not a file' if path.exists() else 'does not exist'}"])
-    if path.suffix.lower() in {".yaml", ".yml"}:
+    if is_yaml(path):
         return Sources(path.stem.removesuffix("_map"), map=path)
     if path.suffix.lower() in {".csv", ".txt"}:
         return Sources(path.stem.removesuffix("_centerline"), centre_line=path)
