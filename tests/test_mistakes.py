@@ -13,14 +13,19 @@ import numpy as np
 import pytest
 
 import autodrive
+from autodrive import BatchWorld
+from autodrive.base.yaml_files import names as vehicles
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.experiments.policies import Policy
 from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
-from autodrive.run import simulate
+from autodrive.run import RunOptions, simulate
+from autodrive.run.race import RaceOptions
+from autodrive.scenario.tracks.track import Track
 from tests.connect.client.conftest import bare
-from tests.support.command_line import refused
+from tests.support.cars import car_file
+from tests.support.command_line import call, refused
 
 COMMANDS = "such as {'V1': Command(throttle=0.5, steering=0.2)}, not "
 SHAPE = "throttle and steering as numbers of the shape (2,), not "
@@ -45,11 +50,24 @@ SCRIPTS = {
     "gymnasium.make('RoboRacer-v0', track='practice')": "Did you mean 'tracks'?",
     "gymnasium.make('NigelLaneKeping-v0')": "Did you mean: `NigelLaneKeeping`?",
     "Policy.find('driver')": "Or give an .npz file",
+    "make('figure_eight')": "'figure_eight' is a map; a scenario there has the line 'map: figure_eight', in Python "
+    "ScenarioSpec(map='figure_eight')",
+    "make('roboracer')": "is a vehicle; a scenario with it has the line 'vehicles: {V1: {type: roboracer}}'",
+    "make('tiny_town.yaml')": "If you mean the scenario of this package, write 'tiny_town'",
+    "make(map='plane')": "Known: scenario, seed, cameras, engine.",
+    "autodrive.load_vehicle('tiny_town')": "Known: nigel, nigel_2020, nigel_2023, roboracer, roboracer_f1tenth. "
+    "'tiny_town' is a map",
+    "RunOptions(durations=3)": "Did you mean 'duration'?",
+    "RaceOptions('practice', lap=3)": "Did you mean 'laps'?",
+    "simulate(scenario='plane')": "Known: options, stop, observer.",
+    "ScenarioSpec(time_of_day=18.3)": "write HH:MM, such as 18:30",
+    "ScenarioSpec(vehicles={1: {}})": "must be a text, not 1; put it in quotes",
     # -- readings ---------------------------------------------------------------------------------------------------
     "frame.vehicles['v1']": "Known: V1. Did you mean 'V1'?",
-    "frame.vehicle['V1']": "Did you mean: 'vehicles'?",
-    "car.velocty": "Did you mean: 'velocity'?",
-    "car.lidar.range": "Did you mean: 'ranges'?",
+    "frame.vehicle['V1']": "Did you mean 'vehicles'?",
+    "car.velocty": "Did you mean 'velocity'?",
+    "car.lidar.range": "Did you mean 'ranges'?",
+    "car.pose.x": "Known: orientation, position",
     "car.cameras['front']": "autodrive.make(..., cameras=True)",
     "world.vehicles['V1']": "Did you mean: 'vehicle'?",
     "world.vehicle('v1')": "Known: V1. Did you mean 'V1'?",
@@ -105,6 +123,25 @@ FILES = {
     "vehicles: [nigel]": "must be 'key: value' entries",
     "map: plane\nmap: mini_map": "map (line 2): duplicate key, first defined in line 1",
     "dt: 0.01": "Did you mean 'tick'?",
+    "time_of_day: 18.30": "18.3 would be 18.3 seconds after midnight: write HH:MM, such as 18:30",
+    "time_of_day: '18,30'": "such as 18:30, not '18,30'",
+    "time_of_day: 6pm": "such as 18:30, not '6pm'",
+    "vehicles:\n  V1:\n    x: 0,5": "write 0.5, with a decimal point",
+    "vehicles: {V1: {x: 0,5}}": "If it belongs to a decimal number, write a point: 0.5",
+    "vehicles: {V1: {yaw_deg: 90°}}": "write a number without '°'",
+    "boxes: {a: {x: 1, y: 0, mass: 200g}}": "write a number without 'g', in the unit",
+    "vehicles: {V1: {type:nigel}}": "write 'type: nigel', with a space after the colon",
+    "vehicles: {V1: nigel}": "must be 'key: value' entries, not 'nigel'. Known: .*, type, x, y, yaw_deg.",
+    "vehicles: {V1: {x: 010}}": "(line 1): '010' would be an octal number: write 10",
+    "vehicles: {1: {}}": "a name is letters, digits and '_', such as V1 or box_1, not '1'",
+    "title: no": "must be a text, not False; put it in quotes (YAML reads yes, no, on and off as true and false)",
+    "title: 1": "must be a text, not 1; put it in quotes",
+    "map: tiny_town.yml": "file 'tiny_town.yml' does not exist. If you mean the map of this package, write 'tiny_town'",
+    "map: nigel": "'nigel' is a vehicle.",
+    "weather: rain": "rain: 0.6 in a file, rain=0.6 in a command",
+    "weather: {rain: 60}": "must be at most 1, not 60",
+    "race: practice": "must be 'key: value' entries, not 'practice'. Known: laps, rules, track.",
+    "": "expected 'key: value' lines (ScenarioSpec), found nothing",
 }
 """Scenario file -> a part of the message."""
 
@@ -112,6 +149,20 @@ COMMAND_LINES = {
     "run minimap": "Did you mean 'mini_map'?",
     "show niegl": "Did you mean 'nigel'?",
     "run scenario.yml": "file 'scenario.yml' does not exist",
+    "run tiny_town.yaml": "If you mean the scenario of this package, write 'tiny_town'",
+    "show figure_eight.yaml": "If you mean the map of this package, write 'figure_eight'",
+    "run oval": "'oval' is a map; a scenario there has the line 'map: oval'",
+    "race mini_map": "track 'mini_map' is not known. Known: fast, practice, technical. 'mini_map' is a map.",
+    "race practice.yaml": "If you mean the track of this package, write 'practice'",
+    "play race tiny_town": "'tiny_town' is a map.",
+    "run --weather rain=0,6": "write rain=0.6, with a decimal point",
+    "run --weather rain": "rain=0.6 in a command",
+    "run --weather time=18.30": "write HH:MM, such as 18:30",
+    "weather heavy-rain": "Did you mean 'heavy_rain'?",
+    "run --duration 0,5": "must be a number such as 0.5",
+    "run --speed 0,5": "a number from 1e-06 to 1e+06 or max, not '0,5'",
+    "generate track --area 30,10": "--area must be AxB such as 30x10, not '30,10'",
+    "new car mine": "'vehicle', 'map', 'scenario', 'driver'",
 }
 """Command of `autodrive` -> a part of the message."""
 
@@ -139,6 +190,8 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "Recorder": Recorder,
             "open_recording": open_recording,
             "simulate": simulate,
+            "RunOptions": RunOptions,
+            "RaceOptions": RaceOptions,
             "world": world,
             "frame": frame,
             "car": frame.vehicles["V1"],
@@ -173,6 +226,57 @@ def test_a_mistake_in_a_file(text: str) -> None:
         autodrive.make("scenario.yaml")
     pattern = re.escape(FILES[text]).replace(r"\.\*", ".*")
     assert re.search(pattern, str(caught.value)), str(caught.value)
+
+
+SILENT = {
+    "traffic: {speed: 5}": "traffic (line 1): without 'cars' there is no traffic; write for example cars: 5",
+    "map: oval\ntraffic: {cars: 1, speed: 5}": "traffic.speed (line 2): cars of the type 'nigel' drive at most "
+    "0.442 m/s, not 5 m/s",
+}
+"""Scenario file that can run -> a part of the warning."""
+
+
+@pytest.mark.parametrize("text", SILENT)
+def test_a_mistake_that_changes_a_run_is_a_warning(text: str) -> None:
+    Path("scenario.yaml").write_text(f"{text}\n")
+    with pytest.warns(UserWarning, match=re.escape(SILENT[text])):
+        autodrive.make("scenario.yaml")
+    assert SILENT[text] in call("check", "scenario.yaml").stderr
+
+
+def test_a_name_or_an_end_of_a_file_may_look_like_another_type() -> None:
+    """YAML 1.1 reads the name no as a truth value."""
+    Path("mine.YML").write_text("vehicles: {no: {}, V2: {x: 1}}\n")
+    assert list(autodrive.make("mine.YML").frame.vehicles) == ["no", "V2"]
+    assert call("check", "mine.YML").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("mass", "inertia", "is_wrong"),
+    [(1.75, 1.0, True), (14.0, 1.0, True), (14.0, 32.0, False), (1.75, 4.0, False), (1.75, 20.0, True)],
+)
+def test_a_scaled_vehicle_whose_inertia_was_forgotten_is_told_so(
+    mass: float, inertia: float, is_wrong: bool, tmp_path: Path
+) -> None:
+    """Twice the size, so 8 times the mass and 32 times the inertia; a solid box has m (b^2 + c^2) / 12."""
+    moments = [inertia * moment for moment in (0.009297, 0.017956, 0.017591)]
+    changes = {"size": [0.6, 0.35, 0.364], "body.mass": mass, "body.inertia": moments}
+    said = call("check", car_file(tmp_path, changes)).stderr
+    assert ("'inertia' of" in said) == is_wrong, said
+    if is_wrong:
+        box = [mass * (b * b + c * c) / 12.0 for b, c in ((0.35, 0.364), (0.6, 0.364), (0.6, 0.35))]
+        assert f"[{', '.join(f'{moment:.3g}' for moment in box)}] kg m^2" in said
+
+
+@pytest.mark.parametrize("name", vehicles("vehicle"))
+def test_the_inertia_of_each_vehicle_of_the_package_is_likely(name: str) -> None:
+    assert "inertia" not in call("check", name, "--kind", "vehicle").stderr
+
+
+def test_objects_with_large_arrays_have_a_short_text() -> None:
+    track, readings = Track.load("practice"), BatchWorld("plane", 3).readings
+    assert repr(track) == "<Track 'practice' of 71.9 m: 1.20 to 1.20 m wide, 2 walls, a race line>"
+    assert repr(readings) == "<Readings of 3 worlds at 0 to 0 s: 1 vehicles, 0 movable objects>"
 
 
 @pytest.mark.parametrize("line", COMMAND_LINES)

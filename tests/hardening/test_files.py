@@ -139,7 +139,7 @@ TEXTS: dict[str, tuple[Kind, str, str]] = {
         "  - {x: -9000, y: 0, length: 1, width: 1, height: 1}\n  - {x: 0, y: 0, length: 1, width: 1, height: 1}\n",
         r"block 1 \(line 5\): the map is 9002 m x ",
     ),
-    "a key that is true": ("scenario", "title: a\ntrue: 1\n", r"1 \(line 2\): a key must be a text, not True"),
+    "a key that is true": ("scenario", "title: a\ntrue: 1\n", r"true \(line 2\): 'true' is not a known key"),
     "a text that is no mapping": ("map", "- a\n- b\n", r"line 1: expected 'key: value' lines"),
     "a lane that is almost straight": (
         "module",

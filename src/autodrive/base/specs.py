@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -30,8 +31,10 @@ Name: TypeAlias = Annotated[str, Field(pattern=r"^[\w .-]*$", max_length=100)]
 
 
 def _seconds(value: Any) -> Any:
-    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds; a number, or its text, is seconds already."""
+    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds; a number, or its text, is seconds already, but not an hour."""
     if not isinstance(value, str) or re.fullmatch(r"\d+(\.\d*)?", value):
+        if isinstance(value, str | int | float) and 0.0 < float(value) <= 24.0:
+            raise ValueError(f"{value} would be {value} seconds after midnight: write HH:MM, such as 18:30")
         return value
     if not (found := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d))?", value)) or not int(found[1]) < 24:
         raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
@@ -40,6 +43,11 @@ def _seconds(value: Any) -> Any:
 
 TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
 """Since midnight [s], or a text such as '18:30'."""
+
+
+def is_yaml(name: str | Path) -> bool:
+    """Whether this is the name of a YAML file."""
+    return Path(name).suffix.lower() in {".yaml", ".yml"}
 
 
 class Spec(BaseModel):
@@ -122,8 +130,8 @@ _PYTHON_TYPE = re.compile(r"(bool|int|float|str|none|tuple\[.*|list\[.*|dict\[.*
 """Parts of locations with which pydantic names the types of a union."""
 
 
-def checked(tree: dict[str, Any], spec: type[T]) -> T:
-    """The checked Spec of values by key. Raises `SpecError` with all errors."""
+def checked(tree: dict[str, Any] | str, spec: type[T]) -> T:
+    """The checked Spec of values by key, or of another text that it accepts. Raises `SpecError` with all errors."""
     try:
         return spec.model_validate(tree)
     except ValidationError as error:
@@ -135,7 +143,7 @@ def place_text(*location: str | int) -> str:
     parts: list[str] = []
     for part in location:
         if isinstance(part, int) and parts:
-            parts[-1] = f"{parts[-1].removesuffix('s')} {part + 1}"
+            parts[-1] = f"{re.sub('(?<=x)es$|s$', '', parts[-1])} {part + 1}"
         else:
             parts.append(short(str(part)))
     return ".".join(parts)
@@ -204,6 +212,22 @@ _TEXTS = {
     "invalid_key": "a key must be a text",
 }
 """Type of an error of pydantic -> our text, with values of its context."""
+_ENTRIES = {"model_type", "model_attributes_type"}
+"""Errors where a Spec is expected."""
+_NUMBERS = {"int_type", "int_parsing", "float_type", "float_parsing"}
+
+
+def _advice(kind: str, given: Any) -> str:
+    """What would be right instead of a value, for frequent mistakes; `kind`: the type of the error of pydantic."""
+    if kind in _NUMBERS and isinstance(given, str):
+        if found := re.fullmatch(r"([-+]?\d*),(\d+)", given):
+            return f"; write {found[1] or 0}.{found[2]}, with a decimal point"
+        if found := re.fullmatch(r"[-+]?[\d.]+ *([^\d\s.]+)", given):
+            return f"; write a number without '{found[1]}', in the unit that the documentation of the key states"
+    if kind in {"string_type", "invalid_key"} and isinstance(given, bool | int | float):
+        reason = " (YAML reads yes, no, on and off as true and false)" if isinstance(given, bool) else ""
+        return f"; put it in quotes{reason}"
+    return ""
 
 
 def _location(error: Any) -> tuple[str | int, ...]:
@@ -218,11 +242,18 @@ def _message(error: Any, spec: type[BaseModel], at: Callable[..., str]) -> str:
         known = _fields(spec, location[:-1])
         key = str(location[-1])
         text = f"'{short(key)}' is not a known key." + (f" {suggest(key, known)}" if known else "")
+        before, colon, after = key.partition(":")
+        if colon and before in known:
+            text = f"write '{before}: {short(after)}', with a space after the colon"
+        elif key.isdecimal():
+            text += " If it belongs to a decimal number, write a point: 0.5"
     else:
         text = _TEXTS.get(error["type"], "is not valid").format(**error.get("ctx", {}))
         given = error.get("input")
         if error["type"] not in {"missing", "value_error", "assertion_error"} and not isinstance(given, dict | list):
-            text += f", not {'empty' if given is None else short(_repr(given))}"
+            text += f", not {'empty' if given is None else short(_repr(given))}" + _advice(error["type"], given)
+        if error["type"] in _ENTRIES and (known := _fields(spec, location)):
+            text += f". Known: {', '.join(known)}."
     return f"{place}: {text}"
 
 

@@ -71,6 +71,12 @@ def with_suggestions(function: Callable[Parameters, Result]) -> Callable[Paramet
     return checked
 
 
+def suggesting(kind: type[Result]) -> type[Result]:
+    """A class, such as a dataclass of options, whose error for an unknown keyword argument says which there are."""
+    kind.__init__ = with_suggestions(kind.__init__)
+    return kind
+
+
 class ByName(dict[str, Any]):
     """A dictionary whose error for an unknown key says which keys there are."""
 

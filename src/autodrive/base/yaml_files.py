@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import reprlib
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 import yaml
 from pydantic import ValidationError
@@ -16,7 +17,7 @@ from yaml.constructor import ConstructorError
 from autodrive.base.errors import SpecError
 from autodrive.base.readable import readable as readable_file
 from autodrive.base.readable import refused
-from autodrive.base.specs import MAX_ERRORS, Key, Spec, messages, place_text, short, with_line
+from autodrive.base.specs import MAX_ERRORS, Key, Spec, is_yaml, messages, place_text, short, with_line
 from autodrive.base.suggest import suggest
 
 Kind: TypeAlias = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
@@ -52,6 +53,9 @@ def _number(loader: Any, node: yaml.ScalarNode) -> int | float | str:
     if ":" in node.value:
         return node.value
     is_whole = node.tag.endswith(":int")
+    if is_whole and re.fullmatch(r"[-+]?0\d+", node.value):  # YAML 1.1 reads 010 as 8, YAML 1.2 as 10
+        problem = f"'{short(node.value)}' would be an octal number: write {int(node.value)}"
+        raise ConstructorError(None, None, problem, node.start_mark)
     try:
         if len(node.value) <= 100:
             return loader.construct_yaml_int(node) if is_whole else loader.construct_yaml_float(node)
@@ -80,19 +84,41 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
     if len(str(name)) > MAX_CHARACTERS:  # the text of a file instead of its path
         raise SpecError([f"{kind} '{short(str(name))}' is not known. {suggest('', names(kind))}"])
     path = Path(name)
-    if path.suffix in {".yaml", ".yml"}:
+    if is_yaml(path):
         if problem := refused(path):
             raise SpecError([problem])
-        if os.path.isfile(path):  # False also for a name that no file can have
-            return path
-        raise SpecError([f"file '{short(str(path))}' {'is not a file' if os.path.exists(path) else 'does not exist'}"])
+        check_exists(path, kind, *([also] if also else []))
+        return path
     included = _folder(kind) / f"{name}.yaml"
     if os.path.isfile(included):
         return included
-    known = suggest(str(name), names(kind) + (names(also) if also else []))
+    known = suggest(str(name), names(kind) + (names(also) if also else [])) + _other_kind(kind, str(name))
     if os.path.isfile(f"{name}.yaml"):
         known += f" If you mean the file, write '{name}.yaml'."
     raise SpecError([f"{kind} '{short(str(name))}' is not known. {known}"])
+
+
+def check_exists(path: Path, *kinds: Kind) -> None:
+    """Raises `SpecError` if a file is not there; `kinds`: the error says which of them has its name."""
+    if os.path.isfile(path):  # False also for a name that no file can have
+        return
+    text = f"file '{short(str(path))}' {'is not a file' if os.path.exists(path) else 'does not exist'}"
+    if kind := next((kind for kind in kinds if path.stem in names(kind)), None):
+        text += f". If you mean the {kind} of this package, write '{path.stem}'"
+    raise SpecError([text])
+
+
+def _other_kind(kind: Kind, name: str) -> str:
+    """Says what a name that is not one of a kind stands for; empty if for nothing."""
+    other = next((other for other in get_args(Kind) if name in names(other)), None)
+    if other is None:
+        return ""
+    use = ""
+    if kind == "scenario" and other in {"map", "track"}:
+        use = f"; a scenario there has the line 'map: {name}', in Python ScenarioSpec(map='{name}')"
+    elif kind == "scenario" and other == "vehicle":
+        use = f"; a scenario with it has the line 'vehicles: {{V1: {{type: {name}}}}}'"
+    return f" '{name}' is a {other}{use}."
 
 
 class Source:
@@ -109,6 +135,7 @@ class Source:
             loader = _Loader(text)
             try:
                 self._node = loader.get_single_node()
+                _make_keys_texts(self._node)
                 self.duplicate_keys = _duplicate_keys(self._node)
                 """An error for each."""
                 self.tree: Any = None if self._node is None else loader.construct_document(self._node)
@@ -183,7 +210,8 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
     A faulty entry of a collection, such as one vehicle, is left out, or else the whole value of the key.
     """
     if not isinstance(source.tree, dict):
-        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {type(source.tree).__name__}"]
+        found = "nothing" if source.tree is None else "a list" if isinstance(source.tree, list) else "a value"
+        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {found}"]
     duplicates = source.duplicate_keys
     try:
         return spec.model_validate(source.tree), [*duplicates]
@@ -296,12 +324,19 @@ def _yaml_error(error: Exception, text: str) -> str:
 
 def _text_of(key: Any) -> str:
     """The key as it is in a location of pydantic."""
-    if not isinstance(key, yaml.ScalarNode):
-        return ""
-    if key.tag.endswith(":str"):
-        return key.value
-    value = yaml.load(key.value, Loader=_Loader)
-    return str(int(value) if isinstance(value, bool) else value)
+    return key.value if isinstance(key, yaml.ScalarNode) else ""
+
+
+def _make_keys_texts(node: yaml.Node | None) -> None:
+    """Change a node so that each key is the text that is written, as the names no, 1 and 010 are."""
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if isinstance(key, yaml.ScalarNode) and not key.tag.endswith(":merge"):
+                key.tag = "tag:yaml.org,2002:str"
+            _make_keys_texts(value)
+    elif isinstance(node, yaml.SequenceNode):
+        for value in node.value:
+            _make_keys_texts(value)
 
 
 def _duplicate_keys(node: yaml.Node | None) -> list[str]:

@@ -148,6 +148,7 @@ def _usage(error: Any) -> str:
     text = error.format_message() if hasattr(error, "format_message") else str(error)
     text = " ".join(text.split()).replace("Value error, ", "").replace("valid integer", "whole number")
     text = re.sub(r"Input should be (a )?(valid )?([^,(]*)(, unable to parse[^(]*)?", r"must be \1\3", text)
+    text = re.sub("must be a number$", "must be a number such as 0.5", text)
     return f"{text}  (see: autodrive --help)"
 
 

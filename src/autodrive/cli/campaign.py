@@ -26,9 +26,11 @@ class CampaignCommand(typer.core.TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Give it its address."""
+        from autodrive.base.specs import is_yaml
+
         following = [*args[1:], ""]
         stands_alone = [
-            one == "--ray" and (not after or after.startswith("-") or Path(after).suffix in {".yaml", ".yml"})
+            one == "--ray" and (not after or after.startswith("-") or is_yaml(after))
             for one, after in zip(args, following, strict=True)
         ]
         return super().parse_args(

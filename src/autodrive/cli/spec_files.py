@@ -10,7 +10,7 @@ from typing import Any
 from autodrive.base import yaml_files
 from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Spec, joined
+from autodrive.base.specs import Spec, is_yaml, joined
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_paths_of
@@ -39,7 +39,8 @@ SPECS: dict[Kind, type[Spec]] = {
 
 def kind_of_name(name: str, order: tuple[Kind, ...] = KINDS) -> Kind:
     """The first kind with that name, or the kind of a YAML file. Raises `SpecError`."""
-    if Path(name).suffix in {".yaml", ".yml"}:
+    if is_yaml(name):
+        yaml_files.check_exists(Path(name), *order)
         return kind_of_file(Path(name))
     for kind in order:
         if name in names(kind):

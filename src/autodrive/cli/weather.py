@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -36,18 +37,18 @@ def environment(values: Sequence[str]) -> dict[str, Any]:
     """
     from autodrive.base.errors import SpecError
     from autodrive.base.specs import checked
-    from autodrive.base.suggest import suggest
-    from autodrive.protocol.weather import PRESETS
     from autodrive.scenario.scenario import ScenarioSpec, WeatherSpec
 
     amounts: dict[str, Any] = {}
     found: dict[str, Any] = {}
+    for value in values:
+        if found_comma := re.search(r"(\w+=\d*),(\d+)", value):
+            decimal = f"{found_comma[1]}.{found_comma[2]}"
+            raise SpecError([f"a comma separates values; write {decimal}, with a decimal point, not '{value}'"])
     for text in (part.strip() for value in values for part in value.split(",")):
         name, is_amount, amount = text.partition("=")
         if not is_amount:
-            if name not in PRESETS:
-                raise SpecError([f"the weather '{name}' is not known. {suggest(name, [*PRESETS])}"])
-            amounts |= WeatherSpec.model_validate(name).model_dump()
+            amounts |= checked(name, WeatherSpec).model_dump()
         elif name == "time":
             found["time_of_day"] = amount
         else:

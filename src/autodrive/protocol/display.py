@@ -6,12 +6,13 @@ import enum
 import html
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from autodrive.base.arrays import read_only_copy
+from autodrive.base.suggest import suggest
 from autodrive.base.svg_plot import svg
 
 Frame = VehicleFrame = LidarScan = Pose = Any
@@ -32,6 +33,19 @@ class Displayed(msgspec.Struct, frozen=True, gc=False):
 
     def _repr_html_(self) -> str | None:
         return table(type(self).__name__, list(_fields(self)))
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            raise unknown_attribute(self, name)
+
+
+def unknown_attribute(message: object, name: str) -> AttributeError:
+    """The error for an attribute that a message does not have, which says which there are."""
+    kind = type(message).__name__
+    known = [word for word in dir(type(message)) if not word.startswith("_")]
+    text = f"'{kind}' has no attribute '{name}'. {suggest(name, known)}"
+    return AttributeError(text, name=name, obj=None)  # without the object, Python adds no suggestion of its own
 
 
 def _with_read_only_arrays(kind: type[Displayed], values: Sequence[Any]) -> Displayed:

@@ -931,5 +931,10 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     def __repr__(self) -> str:
         return display.frame_text(self)
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            raise display.unknown_attribute(self, name)
+
     def _repr_html_(self) -> str:
         return display.frame_html(self)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+from autodrive.base.suggest import suggesting
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.scenario import DEFAULT
@@ -14,6 +15,7 @@ from autodrive.scenario import DEFAULT
 DrivingMode: TypeAlias = Literal["manual", "autonomous"]
 
 
+@suggesting
 @dataclass(frozen=True)
 class RunOptions(PageOptions):
     """Options of `autodrive.run.simulate` and of the command `autodrive run`."""

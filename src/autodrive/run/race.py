@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.suggest import suggesting
 from autodrive.base.tcp import address_text
 from autodrive.base.version import __version__
 from autodrive.base.yaml_files import find
@@ -64,6 +65,7 @@ ALLOWED = (
 """Operations of viewers that a race takes: those of a marshal, and what only changes the view."""
 
 
+@suggesting
 @dataclass(frozen=True)
 class RaceOptions(PageOptions):
     """Options of `autodrive.run.race` and of the command `autodrive race`."""
@@ -313,6 +315,7 @@ def _drive(
 
 def _check(options: RaceOptions) -> None:
     """Raises `AutodriveError` for options that are no race."""
+    find("track", options.track)
     count = len(options.names)
     if not 1 <= count <= MAX_VEHICLES:
         raise AutodriveError(

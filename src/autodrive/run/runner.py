@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from autodrive.base.cache import check_writable, write_file
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import compiling
+from autodrive.base.suggest import with_suggestions
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.client.last_run import NotedRun
 from autodrive.connect.server.files import built_page
@@ -138,6 +139,7 @@ class RunObserver:
         """A race is over, and its results are written; its connections are still open."""
 
 
+@with_suggestions
 def simulate(
     options: RunOptions | None = None, *, stop: StopRequest | None = None, observer: RunObserver | None = None
 ) -> Summary:

@@ -15,14 +15,14 @@ from pydantic import ValidationError
 from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.python_files import load
-from autodrive.base.specs import Described, Key, Spec
+from autodrive.base.specs import Described, Key, Spec, is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, Source
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
-from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, is_track, with_files, with_paths_of
+from autodrive.scenario.scenario import RaceSpec, ScenarioSpec, is_track, with_files, with_paths_of
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -157,7 +157,7 @@ def check_names(scenario: ScenarioSpec, known: Specs) -> None:
 def _absolute(key: str) -> str:
     """Kind and name of a file, with its absolute path."""
     kind, _, name = key.partition("/")
-    return f"{kind}/{Path(name).absolute()}" if Path(name).suffix in YAML else key
+    return f"{kind}/{Path(name).absolute()}" if is_yaml(name) else key
 
 
 def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> ScenarioSpec:
@@ -195,7 +195,7 @@ def map_text(spec: MapSpec | TrackSpec) -> str:
 
 def scenario_text(spec: ScenarioSpec) -> str:
     """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
-    spec = with_files(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
+    spec = with_files(spec, lambda _, name: str(Path(name).absolute()) if is_yaml(name) else name)
     vehicles = {
         name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
         for name, one in spec.vehicles.items()
@@ -265,7 +265,7 @@ def _with_modules(
     numbered = tuple((number, one) for number, one in enumerate(placements, 1) if one)
     folder = Path(of.path).parent if of.path else None
     modules = {
-        name: known.get(name) or read_module(folder / name if folder and name.endswith(YAML) else name)
+        name: known.get(name) or read_module(folder / name if folder and is_yaml(name) else name)
         for name in dict.fromkeys(one.module for _, one in numbered)
     }
     return DescribedMap(of.name, of.found, of.error, of.path, of.text, numbered, modules)

@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, TimeOfDay
+from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, TimeOfDay, is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Weather
@@ -39,8 +39,6 @@ MAX_VEHICLES = 100
 """Of a scenario."""
 MAX_BOXES = 1000
 """Of a scenario, with those of its map."""
-YAML = (".yaml", ".yml")
-"""Suffixes by which the path of a file differs from a name."""
 
 
 def _class_in_file(text: str) -> str:
@@ -178,7 +176,10 @@ class WeatherSpec(Spec):
         if not isinstance(value, str):
             return value
         if value not in PRESETS:
-            raise ValueError(f"the weather '{value}' is not known. {suggest(value, list(PRESETS))}")
+            amount = value.partition("=")[0].strip()
+            also = f" Or an amount from 0 to 1: {amount}: 0.6 in a file, {amount}=0.6 in a command."
+            also = also if amount in cls.model_fields else ""
+            raise ValueError(f"the weather '{value}' is not known. {suggest(value, list(PRESETS))}{also}")
         return structs.asdict(PRESETS[value])
 
     @property
@@ -298,7 +299,7 @@ def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
     def there(kind: str, name: str) -> str:
         path = os.path.join(folder.absolute(), name)
         is_there = kind == "module" or (os.path.isfile(path) and path != os.path.abspath(name))
-        return path if Path(name).suffix in YAML and is_there else name
+        return path if is_yaml(name) and is_there else name
 
     spec = with_files(spec, there)
     vehicles = {
@@ -333,7 +334,7 @@ def with_files(spec: ScenarioSpec, there: Callable[[str, str], str]) -> Scenario
 
 def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:
     """The map with absolute paths of its modules, which are relative to that folder."""
-    return with_modules(map_, lambda name: str(folder.absolute() / name) if Path(name).suffix in YAML else name)
+    return with_modules(map_, lambda name: str(folder.absolute() / name) if is_yaml(name) else name)
 
 
 def with_modules(map_: MapSpec, there: Callable[[str], str]) -> MapSpec:

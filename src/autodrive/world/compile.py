@@ -39,7 +39,7 @@ from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import surface_of, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
-from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
+from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings, traffic_warnings
 from autodrive.world.racing import Race
 from autodrive.world.traffic.start import with_traffic
 from autodrive.world.traffic_lights import StopLineTable, stop_line_table
@@ -112,7 +112,8 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     ]
     problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
     problems += [*unknown_boxes, *wrong_race, *twice]
-    warnings = placement_warnings(spec, map_, vehicles, boxes) + [(_at("map"), ": ", *one.text) for one in map_problems]
+    warnings = placement_warnings(spec, map_, vehicles, boxes) + traffic_warnings(spec, vehicles)
+    warnings += [(_at("map"), ": ", *one.text) for one in map_problems]
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))

@@ -16,6 +16,8 @@ from autodrive.scenario.maps.map import BoxPlacement, Map
 from autodrive.scenario.maps.placing import Solid, overlaps
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
+LIKELY_INERTIA = 0.27, 2.5
+"""Moments of inertia in those of a solid box of the mass and size of the vehicle: less and more are reported."""
 SMALL = 0.5
 """Share of the size of a vehicle; colliders that reach over less of it are reported."""
 
@@ -46,7 +48,7 @@ def overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: Sequence[BoxPlacemen
 def placement_warnings(
     spec: ScenarioSpec, map_: Map, vehicles: Mapping[str, VehicleSpec], boxes: Sequence[BoxPlacement]
 ) -> list[Problem]:
-    """A problem for each vehicle or box outside the walls, and for each vehicle with too small colliders."""
+    """A problem for each vehicle or box outside the walls, and each vehicle with small colliders or a wrong inertia."""
     places = {name: _at("vehicles", name) for name in spec.vehicles} | {name: _at("boxes", name) for name in spec.boxes}
     positions = {name: (one.x, one.y) for name, one in spec.vehicles.items()}
     positions |= {box.name: box.position[:2] for box in boxes}
@@ -57,7 +59,21 @@ def placement_warnings(
             if (outside := _outside(map_, *position))
         ),
         *((places[name], small) for name, vehicle in vehicles.items() if (small := _too_small(vehicle))),
+        *((places[name], wrong) for name, vehicle in vehicles.items() if (wrong := _unlikely_inertia(vehicle))),
     ]
+
+
+def traffic_warnings(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) -> list[Problem]:
+    """A problem for settings of the traffic that have no effect: without cars, or a speed that they cannot drive."""
+    traffic = spec.traffic
+    if not traffic.cars and traffic.model_fields_set and "cars" not in traffic.model_fields_set:
+        return [(Place("scenario", ("traffic",)), ": without 'cars' there is no traffic; write for example cars: 5")]
+    cars = [vehicles[name] for name in traffic.names if name in vehicles]
+    top = min((one.drivetrain.speed_limit * one.wheels.radius for one in cars), default=traffic.speed)
+    if traffic.speed <= top:
+        return []
+    text = f": cars of the type '{traffic.type}' drive at most {top:.3g} m/s, not {traffic.speed:g} m/s"
+    return [(Place("scenario", ("traffic", "speed")), text)]
 
 
 def warnings_about(name: str, warnings: Sequence[Problem]) -> list[Problem]:
@@ -93,4 +109,19 @@ def _too_small(vehicle: VehicleSpec) -> str:
     return (
         f": the wheels and colliders of '{vehicle.title}' reach over {reached} m, but its size is {size} m: other "
         "objects pass into its body; make 'platforms' or 'size' fit"
+    )
+
+
+def _unlikely_inertia(vehicle: VehicleSpec) -> str:
+    """Says that the inertia of a vehicle does not fit its mass and size, which were perhaps scaled without it."""
+    x, y, z = np.square(vehicle.size)
+    of_box = vehicle.body.mass / 12.0 * np.array([y + z, x + z, x + y])
+    share = np.array(vehicle.body.inertia) / of_box
+    least, most = LIKELY_INERTIA
+    if least <= share.min() and share.max() <= most:
+        return ""
+    box = ", ".join(f"{moment:.3g}" for moment in of_box)
+    return (
+        f": 'inertia' of '{vehicle.title}' does not fit its mass and size, of which a solid box has [{box}] kg m^2; "
+        "if the vehicle was scaled, scale it with mass x length^2"
     )

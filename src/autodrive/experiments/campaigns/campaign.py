@@ -18,7 +18,7 @@ from pydantic import Field, field_validator
 from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.base.python_files import FUNCTION, load
-from autodrive.base.specs import Spec
+from autodrive.base.specs import Spec, is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns import parameters
@@ -124,7 +124,7 @@ class Campaign:
         problems = [*_problems(spec, folder)]
         campaign = None
         try:
-            is_file = Path(spec.scenario).suffix in {".yaml", ".yml"}
+            is_file = is_yaml(spec.scenario)
             descriptions = read_scenario(str(folder / spec.scenario) if is_file else spec.scenario)
             campaign = cls(spec, descriptions, folder, path.stem, path)
             if spec.vehicle and spec.vehicle not in campaign.scenario.vehicles:

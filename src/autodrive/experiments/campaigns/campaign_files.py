@@ -9,10 +9,9 @@ from pathlib import Path
 
 from autodrive.base.cache import PACKAGE
 from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import is_yaml
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.keys import own_files
-
-YAML = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,8 @@ class CampaignFiles:
         """
         spec, directory, folder = campaign.spec, Path.cwd(), Path(os.path.abspath(campaign.folder))
         for name in (*spec.driver.split(), *spec.metrics, *spec.files, *_values(campaign)):
-            if Path(name).is_absolute() and Path(name.partition(":")[0]).suffix in {".py", ".npz", *YAML}:
+            file = Path(name.partition(":")[0])
+            if file.is_absolute() and (is_yaml(file) or file.suffix in {".py", ".npz"}):
                 raise AutodriveError(
                     f"'{name}' cannot travel to other machines: give its path from the folder of the campaign"
                 )
@@ -74,5 +74,5 @@ def _values(campaign: Campaign) -> Iterator[str]:
     """Files that are values of parameters."""
     for one in campaign.spec.parameters.values():
         for value in one.values:
-            if isinstance(value, str) and Path(value).suffix in YAML and Path(value).is_file():
+            if isinstance(value, str) and is_yaml(value) and Path(value).is_file():
                 yield value

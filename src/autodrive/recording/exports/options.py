@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from autodrive.base.suggest import suggest
+from autodrive.base.suggest import suggest, suggesting
 from autodrive.recording import Moment, Recording, RecordingError
 
 
+@suggesting
 @dataclass(frozen=True)
 class ExportOptions:
     """Options of an export. Not every format uses all of them."""

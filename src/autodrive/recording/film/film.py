@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.cache import check_writable
 from autodrive.base.errors import AutodriveError
-from autodrive.base.suggest import suggest
+from autodrive.base.suggest import suggest, suggesting
 from autodrive.graphics.cameras.overlays import NONE, strokes_of_drawings
 from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.cameras.scene_camera import CAMERAS, SceneCamera, check_view
@@ -37,6 +37,7 @@ MAX_IMAGES = 24 * 3600 * 60
 """Longest film: a day at 60 images per second."""
 
 
+@suggesting
 @dataclass(frozen=True)
 class FilmOptions:
     """What a film shows, and how it is written."""

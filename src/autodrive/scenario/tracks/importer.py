@@ -16,6 +16,8 @@ from shapely.geometry.polygon import orient
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import make_folder
 from autodrive.base.errors import SpecError
+from autodrive.base.specs import is_yaml
+from autodrive.base.suggest import suggesting
 from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.areas import track_area
 from autodrive.scenario.tracks.line import closed_line
@@ -33,6 +35,7 @@ LEAST_HOLE = 0.01
 """Smaller holes between edges that cross are no infield [m^2]."""
 
 
+@suggesting
 @dataclass(frozen=True)
 class ImportOptions:
     """How a track is imported."""
@@ -95,7 +98,7 @@ def find_sources(path: Path) -> Sources:
         return found
     if not path.is_file():
         raise SpecError([f"'{path}' {'is not a file' if path.exists() else 'does not exist'}"])
-    if path.suffix.lower() in {".yaml", ".yml"}:
+    if is_yaml(path):
         return Sources(path.stem.removesuffix("_map"), map=path)
     if path.suffix.lower() in {".csv", ".txt"}:
         return Sources(path.stem.removesuffix("_centerline"), centre_line=path)

@@ -147,6 +147,14 @@ class Track:
         if errors:
             raise SpecError([f"track '{self.name}': {error}" for error in errors])
 
+    def __repr__(self) -> str:
+        width = self.centre_line[:, 2:].sum(axis=1)
+        race_line = "no race line" if self.race_line is None else "a race line"
+        return (
+            f"<Track '{self.name}' of {self.length:.1f} m: {width.min():.2f} to {width.max():.2f} m wide, "
+            f"{len(self.walls)} walls, {race_line}>"
+        )
+
     @classmethod
     def load(cls, name: str | Path) -> Track:
         """The track of that name, or of that YAML file. Raises `SpecError` with all errors."""

@@ -107,6 +107,11 @@ class Readings(NamedTuple):
     sensor_values: Floats
     """Values of all sensors; see `sensor`."""
 
+    def __repr__(self) -> str:
+        n, v = self.throttle.shape
+        times = f"{self.time.min():.6g} to {self.time.max():.6g} s"
+        return f"<Readings of {n} worlds at {times}: {v} vehicles, {self.object_pose.shape[1]} movable objects>"
+
     def sensor(self, name: str) -> tuple[Floats, Floats]:
         """Time [s], shape (n, v), and values, shape (n, v, n_value), of a sensor of the vehicles' files by its name."""
         return self.sensor_times[..., NUMBERS[name]], self.sensor_values[..., VALUES[name]]

@@ -13,7 +13,7 @@ import msgspec
 
 from autodrive.base import yaml_files
 from autodrive.base.errors import CommandError
-from autodrive.base.specs import checked, short
+from autodrive.base.specs import checked, is_yaml, short
 from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import (
     EditMap,
@@ -31,7 +31,7 @@ from autodrive.scenario.files import described, module_of, read_map
 from autodrive.scenario.maps.props import PropSpec
 from autodrive.scenario.maps.solids import BlockSpec, WallSpec
 from autodrive.scenario.maps.spec import DescribedMap, MapSpec, Placement
-from autodrive.scenario.scenario import YAML, VehiclePlacement, is_track, with_modules_at
+from autodrive.scenario.scenario import VehiclePlacement, is_track, with_modules_at
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.world.editing.track_edits import edited_track, name_of_track_edit
 
@@ -57,7 +57,7 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     modules = specs.map.modules
     if specs.map.path:
         folder = Path(specs.map.path).parent.absolute()
-        modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in modules.items()}
+        modules = {str(folder / one) if is_yaml(one) else one: its for one, its in modules.items()}
     if isinstance(edit, UseMap):
         source = yaml_files.Source(edit.text, "the text of the map")
         if is_track(source.tree):
