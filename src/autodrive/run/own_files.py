@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.readable import readable
+from autodrive.base.specs import is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.base.texts import encodable
 from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
@@ -19,7 +20,7 @@ from autodrive.connect.server.served import NO_FOLDER, OwnFiles
 from autodrive.protocol.messages import MAX_MODULES, LoadScenario, UseMap
 from autodrive.protocol.own_files import OpenFile, OwnFile
 from autodrive.scenario.files import check_names
-from autodrive.scenario.scenario import YAML, ScenarioSpec
+from autodrive.scenario.scenario import ScenarioSpec
 
 if TYPE_CHECKING:
     from autodrive.world import World
@@ -59,6 +60,7 @@ class UserFiles(OwnFiles):
             return LoadScenario(str(self._written(name, text)))
         paths = self._paths()
         if name not in paths:
+            assert self._folder is not None
             is_link = Path(name).name == name and os.path.islink(self._folder / name)
             problem = "is a link to a place outside of" if is_link else "is not in"
             raise AutodriveError(f"'{name}' {problem} the folder '{self.folder}'. {suggest(name, list(paths))}")
@@ -111,7 +113,7 @@ class UserFiles(OwnFiles):
             raise AutodriveError(NO_FOLDER)
         folder = self._folder.resolve()
         try:
-            files = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
+            files = (path for path in self._folder.iterdir() if is_yaml(path) and path.is_file())
             found = (path for path in files if path.resolve().is_relative_to(folder))
             return {encodable(path.name): path for path in sorted(itertools.islice(found, MAX_FILES))}
         except OSError as error:
