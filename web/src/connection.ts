@@ -1,5 +1,5 @@
 // The connection of the page to the simulator, which its worker keeps: requests with responses, messages to the store.
-import type { Frame, LidarScan, Response, Scene, ServerOperation, Subscribe } from './messages'
+import type { Frame, LidarScan, Response, Scene, ServerOperation, Status, Subscribe } from './messages'
 import type { Store } from './store'
 import type { PageMessage, Port, WorkerMessage } from './worker/port'
 
@@ -120,6 +120,7 @@ export class Connection {
         store.scene.value = message
         break
       case 'Status':
+        if (isOfOthers(message, store)) store.notice.value = `${message.change}.`
         store.status.value = message
         break
       case 'Scan':
@@ -196,6 +197,12 @@ function address(): URL {
 /** The parts of the map, or the race track, for a comparison. */
 function mapOf(scene: Scene | null): string {
   return JSON.stringify([scene?.map_scene?.parts, scene?.track_scene?.line])
+}
+
+/** Whether another client has changed what all share since the Status before. */
+function isOfOthers({ change, changes }: Status, store: Store): boolean {
+  const before = store.status.value
+  return before !== null && changes > before.changes && !change.startsWith(`${store.welcome.value?.name} has `)
 }
 
 function isSame(scan: LidarScan, other: LidarScan | undefined): boolean {

@@ -1080,6 +1080,8 @@ export interface Status {
   error: string
   recording: RecordingStatus
   position: number | null
+  change: string
+  changes: number
   clock: number
 }
 

@@ -1,7 +1,7 @@
 // Requests remote rendering while the quality is 'stream'; falls back to 'low' if the simulator cannot render.
 import type { Connection } from './connection'
 import { clamp } from './scene/clamp'
-import { lensZoomOf } from './scene/zoom'
+import { lensZoomOf, ORBIT_ELEVATION } from './scene/zoom'
 import type { Fly, Store } from './store'
 
 /** Maximum width [pixels] and rate [Hz] of the images. */
@@ -14,9 +14,8 @@ const LEAST_RATE = 12
 const COUNTED = 3
 const MARGIN = 1.3
 
-/** Orbit camera: rotation per pixel of dragging [rad], limits of the elevation, and place until the user moves it. */
+/** Orbit camera: rotation per pixel of dragging [rad], and place until the user moves it. */
 const TURN = 0.006
-const ELEVATION = [0.02, 1.5] as const
 const ORBIT = { azimuth: Math.PI * 0.8, elevation: 0.5, distance: 1 }
 
 function flownTo({ x, y, z, azimuth, elevation }: Fly) {
@@ -100,7 +99,7 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
   canvas.addEventListener('pointermove', (event) => {
     if (!isOrbiting() || (event.buttons & 1) === 0) return
     const { azimuth, elevation, distance } = store.orbit.value ?? ORBIT
-    const turned = clamp(elevation + event.movementY * TURN, ELEVATION)
+    const turned = clamp(elevation + event.movementY * TURN, ORBIT_ELEVATION)
     store.orbit.value = { azimuth: azimuth - event.movementX * TURN, elevation: turned, distance }
   })
 }

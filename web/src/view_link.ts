@@ -9,7 +9,7 @@ import { clockTime } from './panels/element'
 import type { Propose } from './panels/link_changes'
 import { clamp } from './scene/clamp'
 import { within } from './scene/flight'
-import { ORBIT_DISTANCE } from './scene/zoom'
+import { heightAfter, LENS_ZOOM, ORBIT_DISTANCE, ORBIT_ELEVATION } from './scene/zoom'
 import type { Camera, Fly, Orbit, Quality, Store } from './store'
 
 /** Delay after a change [ms]: browsers limit how often a page may change its URL. */
@@ -99,7 +99,8 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
       (zoom) => LENSES.map((camera) => rounded(zoom[camera])).join(),
       (text) => {
         const [driver, god] = text.split(',').map((one) => number(one))
-        return driver && god ? { "Driver's Eye": driver, "God's Eye": god } : undefined
+        if (!driver || !god) return undefined
+        return { "Driver's Eye": clamp(driver, LENS_ZOOM), "God's Eye": clamp(god, LENS_ZOOM) }
       },
     ),
     orbit: part(store.orbit, orbitText, orbitOf),
@@ -136,7 +137,7 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     time: state(
       'Time of day',
       (text) => {
-        const [, hours, minutes] = /^(\d?\d):(\d\d)$/.exec(text) ?? []
+        const [, hours, minutes] = /^([01]?\d|2[0-3]):([0-5]\d)$/.exec(text) ?? []
         return hours ? { type: 'SetTimeOfDay', time: 3600 * Number(hours) + 60 * Number(minutes) } : undefined
       },
       () => {
@@ -151,6 +152,10 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     ),
   }
   store.vehicle.watch(writeSoon)
+  store.scene.watch((scene) => {
+    const height = scene && heightAfter(scene, store.birdHeight.value, 0)
+    if (height !== null && height !== store.birdHeight.value) store.birdHeight.value = height
+  })
 
   function read(): void {
     const view = new URLSearchParams(location.hash.slice(1))
@@ -223,7 +228,8 @@ function orbitText(orbit: Orbit | null): string {
 function orbitOf(text: string): Orbit | undefined {
   const [azimuth, elevation, distance] = text.split(',').map(number)
   if (azimuth === undefined || elevation === undefined || !distance) return undefined
-  return { azimuth: azimuth * DEGREE, elevation: elevation * DEGREE, distance: clamp(distance, ORBIT_DISTANCE) }
+  const within = { elevation: clamp(elevation * DEGREE, ORBIT_ELEVATION), distance: clamp(distance, ORBIT_DISTANCE) }
+  return { azimuth: azimuth * DEGREE, ...within }
 }
 
 /** Place [m], azimuth and elevation [degree]. */

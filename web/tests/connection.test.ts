@@ -140,6 +140,16 @@ describe('requests', () => {
   })
 })
 
+test('what another client changed is a notice once, and what this page changed is none', () => {
+  const { store, socket } = connectedPage()
+  const notices: string[] = []
+  store.notice.watch((text) => text && notices.push(text))
+  const change = 'page 2 has changed the weather'
+  for (const changes of [1, 1, 2]) socket.receive(statusOf({ change, changes }))
+  socket.receive(statusOf({ change: 'page-1 has paused the simulation', changes: 3 }))
+  expect(notices).toEqual([`${change}.`, `${change}.`])
+})
+
 test('drawings are kept by name until they are removed or the scene changes', () => {
   const { store, socket } = connectedPage(['V1'])
   const drawing: Drawing = {

@@ -132,7 +132,7 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   const vehicle = {
     ...{ type: 'nigel', model: 'scene/nigel.glb', half_length: 0.14, steering_limit: 0.5, lamps: {} },
     ...{ cameras: ['front', 'rear'], lidar: pose(), wheelbase: 0.14, wheel_radius: 0.03, speed_limit: 0.26 },
-    ...{ sensor_noise: {}, size: [0.28, 0.2, 0.2] as [number, number, number], is_traffic: false },
+    ...{ sensor_noise: {}, missing_gravity: 0, size: [0.28, 0.2, 0.2] as [number, number, number], is_traffic: false },
     sensors: {
       lidar: {
         is_on: true,
@@ -175,7 +175,18 @@ export function statusOf(values: Partial<Status> = {}): Status {
     ...{ type: 'Status', is_paused: false, speed: 1, real_time_factor: 1, late_ticks: 0, clients: 1, drivers: {} },
     bridge: { address: '127.0.0.1:4567', state: 'closed', error: '', ...rates },
     recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '' },
-    ...{ cameras_error: '', note: '', undo: '', redo: '', error: '', position: null, clock: 0, ...values },
+    ...{
+      cameras_error: '',
+      note: '',
+      undo: '',
+      redo: '',
+      error: '',
+      position: null,
+      change: '',
+      changes: 0,
+      clock: 0,
+      ...values,
+    },
   }
 }
 

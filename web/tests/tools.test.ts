@@ -57,6 +57,14 @@ describe('the link', () => {
     expect(requests().length).toBe(count)
   })
 
+  test('has values within the limits of the page', () => {
+    const store = pageAt('#zoom=-1,1e9&height=-3&orbit=0,-40,99')
+    expect(store.lensZoom.value).toEqual({ "Driver's Eye": 0.4, "God's Eye": 10 })
+    expect(store.birdHeight.value).toBe(1) // the least of the scene
+    expect(store.orbit.value?.elevation).toBeCloseTo(0.02)
+    expect(store.orbit.value?.distance).toBe(12)
+  })
+
   test('follows a time of day that passes fast', () => {
     const store = pageAt('')
     for (let minutes = 600; minutes < 660; minutes++) {
@@ -68,10 +76,13 @@ describe('the link', () => {
     expect(location.hash).toBe('#time=10:55')
   })
 
-  test.each(['weather=storm', 'weather=rain:2', 'weather=constructor', 'time=noon'])('ignores %s', (text) => {
-    pageAt(`#${text}`)
-    expect(requests().filter(({ type }) => type.startsWith('Set'))).toEqual([])
-  })
+  test.each(['weather=storm', 'weather=rain:2', 'weather=constructor', 'time=noon', 'time=99:99', 'time=12:60'])(
+    'ignores %s',
+    (text) => {
+      pageAt(`#${text}`)
+      expect(requests().filter(({ type }) => type.startsWith('Set'))).toEqual([])
+    },
+  )
 
   test('holds camera, vehicle, quality and panels, and opens the same view', () => {
     const store = pageAt('')

@@ -451,6 +451,10 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """The recording that this simulator makes."""
     position: float | None = None
     """Time of the recording that is shown [s]; None: this is a simulation."""
+    change: str = ""
+    """The latest change of what all clients share, and which client made it: 'page 2 has changed the weather'."""
+    changes: int = 0
+    """Number of such changes, so that the same one again is seen."""
     clock: float = 0.0
     """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
 

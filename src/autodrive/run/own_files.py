@@ -146,7 +146,7 @@ def _own_modules(map_: Any) -> list[str]:
     placements = map_.get("placements") if isinstance(map_, dict) else None
     entries = placements if isinstance(placements, list) else []
     names = [one.get("module") for one in entries if isinstance(one, dict)]
-    return [*dict.fromkeys(name for name in names if isinstance(name, str) and name.endswith(YAML))]
+    return [*dict.fromkeys(name for name in names if isinstance(name, str) and is_yaml(name))]
 
 
 def _is_scenario(tree: Any) -> bool:

@@ -12,6 +12,8 @@ const CLICK = 100
 export const LENS_ZOOM = [0.4, 10] as const
 /** Limits of the distance of the orbit [m]. */
 export const ORBIT_DISTANCE = [0.15, 12] as const
+/** Limits of the elevation of the orbit [rad]. */
+export const ORBIT_ELEVATION = [0.02, 1.5] as const
 
 /** Number of clicks of the mouse wheel in an event; up is positive. A touch pad sends parts of a click. */
 export function wheelClicks(event: WheelEvent): number {

@@ -275,6 +275,8 @@ class Hub:
                 error=simulation.error,
                 recording=served.recording.status,
                 position=served.replay.position if served.replay else None,
+                change=self._requests.change,
+                changes=self._requests.changes,
                 clock=now,
             )
         )

@@ -21,9 +21,16 @@ from autodrive.protocol.messages import (
     Frame,
     LoadScenario,
     Operation,
+    Pause,
     Place,
+    Reset,
+    Resume,
     SaveMap,
     SaveScenario,
+    SetSceneLight,
+    SetSpeed,
+    SetTimeOfDay,
+    SetWeather,
     Step,
     UseMap,
     Weather,
@@ -72,6 +79,19 @@ OF_SERVER = (
     ExportMap,
 )
 """Operations of the server; all others are operations of the simulation, which executes one at a time."""
+SHARED = {
+    SetWeather: "changed the weather",
+    SetTimeOfDay: "changed the time of day",
+    SetSceneLight: "changed the light",
+    SetSpeed: "changed the speed",
+    Pause: "paused the simulation",
+    Resume: "resumed the simulation",
+    Reset: "reset the simulation",
+    LoadScenario: "loaded a scenario",
+    OpenFile: "opened a file",
+    UseMap: "opened another map",
+}
+"""Operations that change what all clients see, and what the others are told."""
 LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, ViewSensor: 0.004, StartRecording: 0.05}
 """Operations that cause work elsewhere count as if they took this time [s]."""
 NOT_PAUSED = "a Step needs a paused simulation; request Pause first"
@@ -120,6 +140,8 @@ class Requests:
     ) -> None:
         self.note = ""
         """A long operation that runs now, for the Status."""
+        self.change, self.changes = "", 0
+        """The latest of the `SHARED` operations and who requested it, for the Status, and their number."""
         self._simulation = served.simulation
         self._broadcast = broadcast
         self._frame_queue = broadcast.queue
@@ -264,8 +286,11 @@ class Requests:
                     one.client.respond(id, frame, *answer)
         except Exception as error:  # it cannot be encoded
             self._refuse(turn, error)
-        else:
-            self._end(turn)
+            return
+        if text := SHARED.get(type(turn.entry.operation)):
+            self.change, self.changes = f"{turn.client.name} has {text}", self.changes + 1
+            self._on_change()
+        self._end(turn)
 
     def _refuse(self, turn: Turn, error: BaseException) -> None:
         if not isinstance(error, AutodriveError | _TakenError):
