@@ -58,6 +58,7 @@ class UserFiles(OwnFiles):
             return LoadScenario(str(self._written(name, text)))
         paths = {path.name: path for path in self._paths()}
         if name not in paths:
+            assert self._folder is not None
             is_link = Path(name).name == name and os.path.islink(self._folder / name)
             problem = "is a link to a place outside of" if is_link else "is not in"
             raise AutodriveError(f"'{name}' {problem} the folder '{self.folder}'. {suggest(name, list(paths))}")
