@@ -15,6 +15,7 @@ import autodrive
 from autodrive import AutodriveError, Client
 from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
+from autodrive.base.yaml_files import Kind
 from autodrive.connect.server.served import OwnFiles, PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine, UseMap
@@ -163,7 +164,8 @@ def secrets(folder: Path) -> Path:
     """A folder with valid files, which no client may read; `note` is written by its Python file."""
     secrets = folder.parent / "secrets"
     secrets.mkdir()
-    for kind, name in (("vehicle", "nigel"), ("map", "plane"), ("track", "practice"), ("ruleset", "practice")):
+    files: dict[Kind, str] = {"vehicle": "nigel", "map": "plane", "track": "practice", "ruleset": "practice"}
+    for kind, name in files.items():
         (secrets / f"{kind}.yaml").write_text(yaml_files.find(kind, name).read_text())
     (secrets / "module.yaml").write_text(ROAD)
     (secrets / "sensor.py").write_text(f"open({str(folder.parent / 'note')!r}, 'w')\nclass Sensor: pass\n")
