@@ -152,11 +152,6 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     ),
   }
   store.vehicle.watch(writeSoon)
-  store.scene.watch((scene) => {
-    const height = scene && heightAfter(scene, store.birdHeight.value, 0)
-    if (height !== null && height !== store.birdHeight.value) store.birdHeight.value = height
-  })
-
   function read(): void {
     const view = new URLSearchParams(location.hash.slice(1))
     for (const [name, part] of Object.entries(parts)) part.read(view.get(name) ?? '')
@@ -172,6 +167,12 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
   }
 
   read()
+  for (const observable of [store.scene, store.birdHeight])
+    observable.watch(() => {
+      const { scene, birdHeight } = store
+      const height = scene.value ? heightAfter(scene.value, birdHeight.value, 0) : birdHeight.value
+      if (height !== birdHeight.value) birdHeight.value = height
+    })
   window.addEventListener('hashchange', read)
   window.addEventListener('pagehide', write)
 }
