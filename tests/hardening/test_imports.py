@@ -70,6 +70,19 @@ def specks() -> bytes:
     return encode_png(image)
 
 
+def nested() -> bytes:
+    """Twenty rings around each other."""
+    y, x = np.ogrid[-1.0:1.0:1500j, -1.0:1.0:1500j]
+    return encode_png(((np.hypot(x, y) * 40.0).astype(np.uint8) % 2 * 254).astype(np.uint8))
+
+
+def islands() -> bytes:
+    """A track with about 3,000 dark pixels on it."""
+    image = ring(1500, 1500)
+    image[4::10, 4::10] = 0
+    return encode_png(image)
+
+
 def of_16_bits() -> bytes:
     image = ring(LARGE, LARGE, step=4).astype(">u2") * 257
     rows = np.zeros((LARGE, 1 + 2 * LARGE), np.uint8)
@@ -84,7 +97,19 @@ def as_text() -> bytes:
 
 MAPS: dict[str, tuple[float, Callable[[], bytes], str]] = {
     "a tiny resolution": (1e-9, lambda: encode_png(ring(200, 200)), r"resolution \(line 2\): must be at least 0\.0001"),
-    "a large resolution": (10.0, lambda: encode_png(ring(500, 500)), ""),
+    "a huge resolution": (
+        10.0,
+        lambda: encode_png(ring(500, 500)),
+        r"resolution \(line 2\): must be at most 1, not 10",
+    ),
+    "a large resolution": (1.0, lambda: encode_png(ring(500, 500)), ""),
+    "an image one pixel wide": (
+        0.05,
+        lambda: png(1, 2**24, 8, 0, bytes(2**25)),
+        "1 x 16777216 pixels; .* save it smaller",
+    ),
+    "rings in rings": (0.05, nested, ""),
+    "islands": (0.05, islands, r"\d+ separate walls; a track has at most 1000: remove the specks"),
     "a checkerboard": (0.05, checkerboard, r"\d+ pixels at borders .* remove the noise"),
     "specks": (0.05, specks, r"\d+ separate free or occupied areas; .* remove the noise"),
     "50 megapixels": (0.01, lambda: encode_png(ring(7000, 7200, step=8)), "7200 x 7000 pixels; at most 16777216"),

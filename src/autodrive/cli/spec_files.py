@@ -17,7 +17,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, wi
 from autodrive.scenario.files import described
 from autodrive.scenario.maps.map import Map, MapSpec, load_map, map_warnings
 from autodrive.scenario.maps.module import ModuleSpec
-from autodrive.scenario.tracks.checks import track_errors
+from autodrive.scenario.tracks.checks import track_errors, track_warnings
 from autodrive.scenario.tracks.track import Track, TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.racing import RaceRules
@@ -81,11 +81,13 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
                 load_map(path)
                 warnings = map_warnings(path)
         elif kind == "track" and not errors:
+            track = Track.load(path)
             places = {"walls": source.at("walls"), "centre line": source.at("centre_line")}
             errors += [
                 f"{places['walls' if error.startswith('walls') else 'centre line']}: {error}"
-                for error in track_errors(Track.load(path))
+                for error in track_errors(track)
             ]
+            warnings = track_warnings(track)
         elif kind == "vehicle" and not errors:
             from autodrive.world.factory import compile_scenario
 

@@ -114,7 +114,7 @@ def warnings_of(path: Path, options: ImportOptions | None = None) -> tuple[Track
 
 def length_in(text: str) -> float:
     """The first length in a text [m]."""
-    return float(text.split(" m ")[0].split()[-1])
+    return float(text.partition(" m ")[0].rpartition(" ")[2])
 
 
 @pytest.mark.parametrize("surroundings", SURROUNDINGS)

@@ -279,3 +279,50 @@ def test_every_form_of_png_is_read(tmp_path: Path) -> None:
     for damaged in (filtered[:300], png(3, 3, 0, [b"\xa0"]), png(9, 8, 0, [b"\xa0"]), b"BM", b"P5\n2 2\n255\nabc"):
         with pytest.raises(SpecError, match=r"cannot be read|neither PNG nor PGM"):
             grey(damaged)
+
+
+# -- map files as map_server reads them ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        ("occupied_thresh: .*", "occupied_thresh: 0.1"),  # below free_thresh: a pixel is occupied first
+        ("negate: 0", "negate: 0\nmode: Trinary"),
+        ("negate: 0", "negate: 0\nmode: SCALE"),
+    ],
+)
+def test_what_map_server_accepts_is_accepted(pattern: str, text: str, bean: Track, folder: Path) -> None:
+    edit(folder / "bean_map.yaml", pattern, text)
+    track, warnings = import_track(folder)
+    assert warnings == []
+    assert shapely.hausdorff_distance(lines(track.walls), lines(bean.walls), densify=0.02) < WALL_ERROR + PIXEL / 2.0
+
+
+@pytest.mark.parametrize("image", ["/home/user/maps/plan.png", r"C:\maps\plan.png"])
+def test_an_image_of_another_computer_is_read_beside_the_map(image: str, folder: Path) -> None:
+    before, _ = import_track(folder)
+    (folder / "bean_map.png").rename(folder / "plan.png")
+    edit(folder / "bean_map.yaml", "image: .*", f"image: {image}".replace("\\", "\\\\"))
+    after, warnings = import_track(folder)
+    assert all(np.array_equal(a, b) for a, b in zip(before.walls, after.walls, strict=True))
+    assert warnings == [f"image: the file '{image}' does not exist; 'plan.png' is read instead"]
+    edit(folder / "bean_map.yaml", "image: .*", f"image: {folder / 'plan.png'}")
+    assert import_track(folder)[1] == []
+
+
+def test_openings_of_noisy_walls_are_closed_without_walls_that_cross(bean: Track, folder: Path) -> None:
+    """As a LIDAR draws walls: ragged, with holes and specks beside them."""
+    path = folder / "bean_map.png"
+    image = decode_png(path.read_bytes())[..., 0].copy()
+    generator = np.random.default_rng(3)
+    near = np.zeros(image.shape, bool)
+    for shift in ((1, 0), (-1, 0), (0, 1), (0, -1), (2, 0), (0, 2)):
+        near |= np.roll(image == 0, shift, (0, 1))
+    noise = generator.random(image.shape)
+    image[near & (image == 254) & (noise < 0.3)] = 0
+    image[(image == 0) & (noise > 0.75)] = 254
+    path.write_bytes(encode_png(image))
+    for gap in (0.1, 0.2, 0.3):
+        track, _ = import_track(folder / "bean_map.yaml", ImportOptions(gap=gap))
+        assert track.length == pytest.approx(bean.length, rel=0.05)

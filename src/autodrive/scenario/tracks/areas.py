@@ -19,6 +19,8 @@ CLOSED = 0.1, 0.2, 0.4
 """Openings that are narrower are closed if the walls make no ring otherwise [m]: no car fits through."""
 SUGGESTED = 0.8, 1.6
 """Openings that are narrower are closed only on request [m]."""
+MAX_POINTS = 60_000
+"""On the lines around all areas; in a larger map, openings are closed only on request, because it takes seconds."""
 NARROW = 0.35
 """A narrower ring is the inside of a wall whose two sides are drawn as lines [m]."""
 SPECK = 0.05
@@ -125,8 +127,9 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
     levels = [(level, areas_of(contours(ros_map.occupancy, level.value))) for level in _levels(ros_map)]
     found: list[Area] = []
     ranked: list[Area] = []
-    gaps = [gap, *(wider for wider in (*CLOSED, *SUGGESTED) if wider > gap and not is_line)]
-    for step, closed in enumerate(gaps):
+    count = sum(int(shapely.get_num_coordinates(polygons).sum()) for _, polygons in levels)
+    wider = [] if is_line or count > MAX_POINTS * len(levels) else [*CLOSED, *SUGGESTED]
+    for step, closed in enumerate([gap, *(width for width in wider if width > gap)]):
         for number, (level, polygons) in enumerate(levels):
             parts = _parts(polygons, closed / ros_map.spec.resolution)
             found += [Area(part, ros_map, level, closed, PENALTY * (number + step)) for part in parts]

@@ -32,8 +32,9 @@ def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
     ]
     if not errors:
         text = "" if has_map else f": {TOO_WIDE}, so that the edges cross"
-        places = crossings(track.walls)[:3]
-        errors += [f"walls cross or touch each other at ({x:.2f}, {y:.2f}){text}" for x, y in places]
+        errors += [
+            f"walls cross or touch each other at ({x:.2f}, {y:.2f}){text}" for x, y in crossings(track.walls)[:3]
+        ]
     x, y, _ = track.start_pose
     if not track.walls:
         errors.append(NO_WALLS)

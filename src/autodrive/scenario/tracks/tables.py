@@ -145,8 +145,8 @@ def _header(lines: list[str], count: int, usual: tuple[str, ...], path: Path) ->
     """The names of the columns in the lines before the numbers: comments, or one line of words.
 
     The last comment with as many names as there are columns counts, if one of them is known or they are separated as in
-    a table; other comments are remarks. A header with another number of names raises `SpecError`, unless it names the
-    first of the usual columns.
+    a table; other comments are remarks. A header with another number of names raises `SpecError`, unless it is a
+    comment with the first of the usual names.
     """
     for line in reversed(lines):
         is_comment = line.startswith("#")
@@ -157,8 +157,8 @@ def _header(lines: list[str], count: int, usual: tuple[str, ...], path: Path) ->
         meanings = [_meaning(name) for name in names]
         if len(names) == count and (not is_comment or is_table or any(meanings)):
             return names
-        is_header = not is_comment or (is_table and len(set(meanings) - {""}) > 1)
-        if is_header and tuple(meanings) != usual[: len(meanings)]:
+        is_table = is_table and len(set(meanings) - {""}) > 1 and tuple(meanings) != usual[: len(meanings)]
+        if is_table or not is_comment:
             text = f"the header names {len(names)} columns ({line.lstrip('# ')[:80]}); the rows have {count}"
             raise SpecError([text], str(path))
     return []
