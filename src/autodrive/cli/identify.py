@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import Force, RecordingOrLog, check_end, check_outputs
+from autodrive.cli.options import Force, RecordingOrLog, Steering, check_end, check_outputs
 
 
 def identify(
@@ -21,6 +21,7 @@ def identify(
         ),
     ],
     name: Annotated[str, typer.Option(metavar="NAME", help="Vehicle of the recording.  [default: the first]")] = "",
+    steering: Steering = "left",
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Vehicle file to write.  [default: VEHICLE_fitted.yaml]"),
@@ -46,7 +47,17 @@ def identify(
     check_end("--output", output, ".yaml", ".yml")
     check_outputs(output, picture, is_forced=force)
     wanted = [one.strip() for one in free.split(",") if one.strip()]
-    found = fit(file, vehicle, wanted, name=name, trials=trials, seed=seed, window=window, threads=threads)
+    found = fit(
+        file,
+        vehicle,
+        wanted,
+        name=name,
+        is_left_positive=steering == "left",
+        trials=trials,
+        seed=seed,
+        window=window,
+        threads=threads,
+    )
     found.write(output)
     found.plot(picture)
     typer.echo(found.table())

@@ -10,12 +10,14 @@ from typing import Annotated, TypeAlias
 import typer
 
 from autodrive.base.errors import AutodriveError
+from autodrive.protocol.devkit_profile import Side
 from autodrive.protocol.ports import PORT, PORT_VARIABLE
 
 RecordingFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")]
 RecordingOrLog: TypeAlias = Annotated[
     Path, typer.Argument(metavar="FILE", help="A recording (.mcap), or a log of AutoDRIVE's data recorder (.csv).")
 ]
+Steering: TypeAlias = Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")]
 Record: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="FILE.mcap", help="Record all of it in that file; see: autodrive replay --help.")
 ]

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 from typer.core import TyperGroup
 
-from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, check_outputs
-from autodrive.protocol.devkit_profile import Side
+from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, Steering, check_outputs
 
 if TYPE_CHECKING:
     from autodrive.recording import Recording
@@ -128,7 +127,7 @@ def compare(
     type_: Annotated[
         str, typer.Option("--type", metavar="NAME", help="Name or file of another type of that vehicle.")
     ] = "",
-    steering: Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")] = "left",
+    steering: Steering = "left",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Draw paths and errors as PNG or SVG file.")
     ] = None,

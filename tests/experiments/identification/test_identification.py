@@ -91,7 +91,7 @@ def test_the_command_fits_a_log_of_the_data_recorder(files: tuple[Path, Path], t
     outputs = []
     for threads in (1, 2):
         options = ["--vehicle", "nigel_2023", "--free", "wheels.damping_rate=0.2:0.4", "--trials", "4"]
-        done = call("identify", str(files[1]), *options, "--threads", str(threads), cwd=tmp_path)
+        done = call("identify", str(files[1]), *options, "--threads", str(threads), "--force", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert done.stdout.splitlines()[-1] == "wrote nigel_2023_fitted.yaml and nigel_2023_fitted.png"
         outputs.append((tmp_path / "nigel_2023_fitted.yaml").read_text())

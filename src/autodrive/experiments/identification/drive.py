@@ -15,7 +15,7 @@ from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import Collision, Hold, Place, Reset, Teleport
 from autodrive.recording import Recording
 from autodrive.recording import open as open_recording
-from autodrive.recording.exports.recorder_layout import read
+from autodrive.recording.exports.recorder_layout import GAP_STEPS, LEAST_GAP, read
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.observer import ResetTo, Restored, SetPoses
 
@@ -67,6 +67,8 @@ class Drive:
     """Factor of the friction of the ground."""
     source: str = "the drive"
     """File that it comes from."""
+    note: str = ""
+    """What a user should know about it."""
 
     def __post_init__(self) -> None:
         """Raises `IdentificationError` if it cannot be used."""
@@ -128,8 +130,9 @@ def _of_log(path: Path, is_left_positive: bool) -> Drive:
         throttle=log.throttle[rising][1:],
         steering=log.steering[rising][1:],
         is_angle=True,
-        breaks=_jumps(time, x, y, speed),
+        breaks=np.sort(np.concatenate((log.time[list(log.breaks)], _jumps(time, x, y, speed)))),
         source=str(path),
+        note=log.note,
     )
 
 
@@ -195,6 +198,8 @@ def _not_finite(columns: Mapping[str, Floats]) -> list[tuple[str, int]]:
 
 
 def _jumps(time: Floats, x: Floats, y: Floats, speed: Floats) -> Floats:
+    """The times at which a car is somewhere else, or after a gap."""
     way = np.hypot(np.diff(x), np.diff(y))
     explained = np.maximum(np.abs(speed[1:]), np.abs(speed[:-1])) * np.diff(time)
-    return time[1:][way > 2.0 * explained + JUMP]
+    is_gap = np.diff(time) > max(LEAST_GAP, GAP_STEPS * float(np.median(np.diff(time)))) if len(time) > 1 else False
+    return time[1:][(way > 2.0 * explained + JUMP) | is_gap]

@@ -38,6 +38,7 @@ def identify(
     free: Sequence[str] | Mapping[str, tuple[float, float] | None],
     *,
     name: str = "",
+    is_left_positive: bool = True,
     trials: int = 24,
     seed: int = 0,
     window: float = 2.0,
@@ -48,8 +49,9 @@ def identify(
 
     `drive`: a recording (.mcap), a log of AutoDRIVE's data recorder (.csv), or a `Drive`. `vehicle`: name or file.
     `free`: paths in that file, such as 'wheels.damping_rate' or 'wheels.damping_rate=0.1:0.5', or paths with bounds
-    (None: from half the value to twice the value). `name`: the vehicle of a recording; empty: the first one. `trials`:
-    simulations of the global search. `window`, `warm_up` [s]: see `windows_of`. The number of `threads` does not change
+    (None: from half the value to twice the value). `name`: the vehicle of a recording; empty: the first one.
+    `is_left_positive`: of the steering angle of a log. `trials`: simulations of the global search. `window`, `warm_up`
+    [s]: see `windows_of`. The number of `threads` does not change
     the result. Raises `IdentificationError`, `RecordingError` or `SpecError`.
     """
     began = time.perf_counter()
@@ -57,7 +59,7 @@ def identify(
         raise IdentificationError("a window must be at least 0.5 s, the warm-up from 0 to 5 s, and trials at least 1")
     file = VehicleFile(vehicle)
     parameters = file.free(free)
-    drive = drive if isinstance(drive, Drive) else read_drive(drive, name)
+    drive = drive if isinstance(drive, Drive) else read_drive(drive, name, is_left_positive=is_left_positive)
     if drive.is_angle and (unseen := [one.path for one in parameters if one.path.startswith(HIDDEN)]):
         raise IdentificationError(
             f"{', '.join(unseen)}: a log of the data recorder has the angle of the steering and the throttle after its "
@@ -100,7 +102,7 @@ def identify(
         window_errors=tuple(zip(ends.rms[0].tolist(), ends.rms[1].tolist(), strict=True)),
         simulations=objective.simulations + 2,
         seconds=time.perf_counter() - began,
-        notes=tuple(_notes(parameters, best, covariance, windows, drive)),
+        notes=(*filter(None, [drive.note]), *_notes(parameters, best, covariance, windows, drive)),
         text=file.text(values, comments),
     )
 

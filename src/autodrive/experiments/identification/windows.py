@@ -54,12 +54,12 @@ def windows_of(drive: Drive, length: float, warm_up: float) -> Windows:
     first, last = float(drive.time[0]), float(drive.time[-1])
     count = max(1, math.floor((last - first - warm_up) / length + 1e-9))
     wanted = np.linspace(first, last - warm_up - length, count) if count > 1 else np.array([first])
-    starts = drive.time[np.searchsorted(drive.time, wanted - 1e-9)]
+    starts = np.unique(drive.time[np.searchsorted(drive.time, wanted - 1e-9)])  # several may follow the same gap
     whole = warm_up + length
     starts = np.array([one for one in starts.tolist() if not _is_broken(drive, one - SMOOTHING, one + whole)])
     if len(starts) == 0:
         raise IdentificationError(
-            f"the drive has no {whole:g} s without a collision, a reset or a jump; use shorter windows  "
+            f"the drive has no {whole:g} s without a collision, a reset, a jump or a gap; use shorter windows  "
             f"({drive.source})"
         )
     return _cut(drive, starts, whole, warm_up)

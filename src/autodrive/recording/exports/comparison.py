@@ -6,6 +6,7 @@ be simulated in another scenario or with another vehicle.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -17,17 +18,17 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.arrays import Floats
 from autodrive.base.suggest import suggest
 from autodrive.base.svg_plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curves, curve, legend, panel, text
 from autodrive.base.transforms import Vector, euler_from_quaternion, rotate
 from autodrive.base.units import DEGREE
-from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.recorder_layout import DriveLog
 from autodrive.recording.plot import check_suffix, write_panels
 from autodrive.recording.resimulation import simulated_again
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.world.factory import new_world
+from autodrive.world.batch import BatchWorld
 
 SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
 """Signals of a drive [m, m, rad, m/s, rad/s]."""
@@ -78,11 +79,16 @@ class Comparison:
     """'x' and 'y' [m], 'heading' [rad], 'speed' [m/s] without its sign, 'yaw rate' [rad/s], each of shape (n,)."""
     simulated: Signals
     """Likewise."""
+    breaks: tuple[int, ...] = ()
+    """Rows, from 0, at which the simulation starts again as recorded."""
+    note: str = ""
+    """What a user should know about the drive."""
 
     @cached_property
     def length(self) -> float:
         """Length of the recorded path [m], without jumps such as a reset."""
         steps = np.hypot(np.diff(self.recorded["x"]), np.diff(self.recorded["y"]))
+        steps[np.array(self.breaks, np.int64) - 1] = 0.0
         return float(steps[np.diff(self.time) > 0.0].sum())
 
     @cached_property
@@ -117,7 +123,11 @@ class Comparison:
             rows.append(row + (f"{share * rms:22.2f}{share * largest:10.2f}" if is_length else ""))
         duration = float(self.time[-1] - self.time[0])
         return "\n".join(
-            [f"{len(self.time)} rows, {duration:.2f} s, length {self.length:.3f} m", *map(str.rstrip, rows)]
+            [
+                f"{len(self.time)} rows, {duration:.2f} s, length {self.length:.3f} m",
+                *map(str.rstrip, rows),
+                *([f"note: {self.note}"] if self.note else []),
+            ]
         )
 
     def plot(self, path: str | Path) -> None:
@@ -140,29 +150,50 @@ class Comparison:
 def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None, *, type_: str = "") -> Comparison:
     """Simulate the commands of a log from its first pose on, with the first vehicle of a scenario.
 
-    The vehicle starts at rest. Without a scenario: on the plane, a Nigel or, for a log of 22 columns, a RoboRacer car.
-    `type_`: name or file of another type of that vehicle. The log has the feedback of throttle and steering, not the
-    commands: the value of a row is commanded from the row before it on. Positions are those of the vehicle's indoor
-    positioning sensor.
+    The vehicle starts at rest; after a gap of the log it starts again as recorded. Without a scenario: on the plane, a
+    Nigel or, for a log of 22 columns, a RoboRacer car. `type_`: name or file of another type of that vehicle. The log
+    has the feedback of throttle and steering, not the commands: the value of a row is commanded from the row before it
+    on. Positions are those of the vehicle's indoor positioning sensor.
     """
     if scenario is None:
         spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=log.vehicle_type)})
     else:
         spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
     name = next(iter(spec.vehicles))
-    world = new_world(with_type(spec, name, type_))
-    vehicle = world.vehicle_specs[name]
+    spec = with_type(spec, name, type_)
+    without_own = {one: placement.model_copy(update={"own_sensors": {}}) for one, placement in spec.vehicles.items()}
+    batch = BatchWorld(spec.model_copy(update={"vehicles": without_own}), threads=1)
+    vehicle = batch.compiled.vehicles[name]
     limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
-    heading = float(log.euler[0, 2])
-    x, y, _ = log.position[0] - np.array(rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever))
-    world.reset(poses={name: (float(x), float(y), heading)})
     rows: list[list[float]] = []
-    for i, time in enumerate(log.time.tolist()):
-        while world.time < time - 0.5 * world.tick_duration:
-            world.step({name: Command(float(log.throttle[i]), float(log.steering[i]) / limit)})
-        rows.append(_row(world.frame.vehicles[name], lever))
+    with closing(batch):
+        for first, end in itertools.pairwise((0, *log.breaks, len(log.time))):
+            rows += _simulated_part(batch, log, range(first, end), limit, lever)
     recorded = [*log.position.T[:2], log.euler[:, 2], np.abs(log.speed), log.angular_velocity[:, 2]]
-    return Comparison(log.time, dict(zip(SIGNALS, recorded, strict=True)), _signals(rows))
+    return Comparison(log.time, dict(zip(SIGNALS, recorded, strict=True)), _signals(rows), log.breaks, log.note)
+
+
+def _simulated_part(batch: BatchWorld, log: DriveLog, part: range, limit: float, lever: Vector) -> list[list[float]]:
+    """The signals of the first vehicle, simulated from the first of some rows on; `limit`: of its steering [rad]."""
+    start, name = part[0], batch.vehicle_names[0]
+    heading = float(log.euler[start, 2])
+    x, y, _ = log.position[start] - np.array(rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever))
+    motion = [0.0] * 5
+    if start:
+        step = log.position[min(start + 1, part[-1])] - log.position[start]
+        speed = math.copysign(log.speed[start], math.cos(heading) * step[0] + math.sin(heading) * step[1])
+        obeyed = np.clip((log.throttle[start], log.steering[start] / limit), -1.0, 1.0)
+        motion = [speed, 0.0, log.angular_velocity[start, 2], *obeyed]
+    readings = batch.reset(poses={name: (float(x), float(y), heading)}, motions={name: motion})
+    commands = np.zeros((1, len(batch.commanded_names), 2))
+    rows: list[list[float]] = []
+    for i in part:
+        commands[0, 0] = log.throttle[i], log.steering[i] / limit
+        while readings.time[0] < log.time[i] - log.time[start] - 0.5 * batch.tick_duration:
+            batch.step(commands)
+        columns = (readings.position, readings.orientation, readings.velocity, readings.angular_velocity)
+        rows.append(_row(*(column[0, 0] for column in columns), lever))
+    return rows
 
 
 def compare_recording(
@@ -196,8 +227,8 @@ def compare_recording(
         for time, frame, simulated in pairs:
             if name in frame.vehicles and name in simulated.vehicles:
                 times.append(time)
-                rows.append(_row(frame.vehicles[name]))
-                ours.append(_row(simulated.vehicles[name]))
+                for found, car in ((rows, frame.vehicles[name]), (ours, simulated.vehicles[name])):
+                    found.append(_row(car.pose.position, car.pose.orientation, car.velocity, car.angular_velocity))
     return Comparison(np.array(times), _signals(rows), _signals(ours))
 
 
@@ -209,11 +240,14 @@ def with_type(spec: ScenarioSpec, vehicle: str, type_: str) -> ScenarioSpec:
     return spec.model_copy(update={"vehicles": {**spec.vehicles, vehicle: placement}})
 
 
-def _row(frame: VehicleFrame, lever: Vector = (0.0, 0.0, 0.0)) -> list[float]:
-    """The signals of a vehicle, at a point in its axes [m]."""
-    x, y, _ = frame.pose.position + np.array(rotate(frame.pose.orientation, lever))
-    heading = euler_from_quaternion(frame.pose.orientation)[2]
-    return [float(x), float(y), heading, abs(frame.speed), float(frame.angular_velocity[2])]
+def _row(
+    position: Floats, orientation: Floats, velocity: Floats, angular_velocity: Floats, lever: Vector = (0.0, 0.0, 0.0)
+) -> list[float]:
+    """The signals of a vehicle, see `VehicleFrame`, at a point in its axes [m]."""
+    w, x, y, z = orientation.tolist()
+    right, ahead, _ = position + np.array(rotate((w, x, y, z), lever))
+    heading = euler_from_quaternion((w, x, y, z))[2]
+    return [float(right), float(ahead), heading, abs(float(velocity[0])), float(angular_velocity[2])]
 
 
 def _signals(rows: Sequence[Sequence[float]]) -> Signals:

@@ -30,6 +30,14 @@ RATES = {NIGEL_COLUMNS: 10.0, ROBORACER_COLUMNS: 30.0}
 """Rates of the original data recorder [Hz]."""
 MAX_ROWS = 10_000_000
 """Largest length of a log that is read."""
+LEAST_GAP, GAP_STEPS = 0.5, 5.0
+"""A gap between two rows is longer than this [s], and than so many times the usual step."""
+MOST_BACKWARD = 0.05
+"""Share of the rows of a log that may be earlier than those before them, each because the clock was set back."""
+LEAST_STEERING, LEAST_TURN, LEAST_SPEED, LEAST_ROWS = 0.03, 0.1, 0.05, 20
+"""Rows with at least this angle [rad], yaw rate [rad/s] and speed [m/s] show the sign of the steering; so many do."""
+MOST_OPPOSITE = 0.8
+"""Share of these rows; if more of them turn to the other side, the sign of the steering is wrong."""
 
 
 def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
@@ -99,7 +107,7 @@ class DriveLog:
     """A drive that AutoDRIVE's data recorder has recorded; arrays have one row for each row of the file."""
 
     time: Floats
-    """Since the first row [s], shape (n,)."""
+    """Since the first row [s], without gaps and jumps of the clock, shape (n,)."""
     throttle: Floats
     """-1 to 1, shape (n,)."""
     steering: Floats
@@ -120,6 +128,16 @@ class DriveLog:
     """Paths of the images of each row."""
     ranges: tuple[Floats, ...]
     """Ranges of the LIDAR of each row [m]."""
+    breaks: tuple[int, ...] = ()
+    """Rows, from 0, that follow a gap or a jump of the clock; `time` has the usual step there."""
+
+    @property
+    def note(self) -> str:
+        """Says where the log has gaps; empty if it has none."""
+        if not self.breaks:
+            return ""
+        lines = ", ".join(str(row + 1) for row in self.breaks[:5]) + (", ..." if self.breaks[5:] else "")
+        return f"the log has gaps or jumps of its clock before lines {lines}: each part starts as it was recorded"
 
     @property
     def vehicle_type(self) -> str:
@@ -130,11 +148,12 @@ class DriveLog:
 def read(path: Path, *, is_left_positive: bool = True) -> DriveLog:
     """Read a log of the data recorder. Raises `RecordingError` with the line that is wrong.
 
-    `is_left_positive`: direction of the steering angle in the file, which differs between releases.
+    `is_left_positive`: direction of the steering angle in the file, which differs between releases. A log in which the
+    car turns to the other side is an error, too.
     """
     rows: list[list[str]] = []
     try:
-        with readable(path).open(newline="", encoding="utf-8") as file:
+        with readable(path).open(newline="", encoding="utf-8-sig") as file:  # a spreadsheet may have written it
             for number, row in enumerate(csv.reader(file), 1):
                 if len(row) not in (NIGEL_COLUMNS, ROBORACER_COLUMNS) or (rows and len(row) != len(rows[0])):
                     raise RecordingError(
@@ -151,13 +170,11 @@ def read(path: Path, *, is_left_positive: bool = True) -> DriveLog:
     speeds = 3 if len(rows[0]) == ROBORACER_COLUMNS else 1
     times = [_time(row[0], number, path) for number, row in enumerate(rows, 1)]
     numbers = np.array([_numbers(row[1 : 17 + speeds], i, path) for i, row in enumerate(rows, 1)])
-    if np.any(np.diff(times) < 0.0):
-        line = int(np.argmax(np.diff(times) < 0.0)) + 2
-        raise RecordingError(f"line {line}: the time stamp is earlier than the one before  ({path})")
+    time, breaks = _without_gaps(np.array(times), path)
     velocity = numbers[:, 10 : 10 + speeds]
     at = 10 + speeds
-    return DriveLog(
-        time=np.array(times) - times[0],
+    log = DriveLog(
+        time=time,
         throttle=numbers[:, 0],
         steering=numbers[:, 1] * (1.0 if is_left_positive else -1.0),
         ticks=numbers[:, 2:4],
@@ -168,7 +185,43 @@ def read(path: Path, *, is_left_positive: bool = True) -> DriveLog:
         acceleration=numbers[:, at + 3 : at + 6],
         images=tuple(tuple(row[at + 7 : -1]) for row in rows),
         ranges=tuple(np.array(_numbers(row[-1].split(), number, path)) for number, row in enumerate(rows, 1)),
+        breaks=breaks,
     )
+    _check_steering(log, "right" if is_left_positive else "left", path)
+    return log
+
+
+def _without_gaps(times: Floats, path: Path) -> tuple[Floats, tuple[int, ...]]:
+    """Times since the first [s] with the usual step in place of each gap, and the rows after them."""
+    steps = np.diff(times)
+    is_backward = steps < 0.0
+    if is_backward.sum() > MOST_BACKWARD * len(steps):
+        line = int(np.argmax(is_backward)) + 2
+        raise RecordingError(
+            f"line {line}: the time stamp is earlier than the one before; sort the lines by time  ({path})"
+        )
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    is_break = is_backward | (steps > max(LEAST_GAP, GAP_STEPS * usual))
+    return np.concatenate(([0.0], np.cumsum(np.where(is_break, usual, steps)))), tuple(np.flatnonzero(is_break) + 1)
+
+
+def _check_steering(log: DriveLog, other_side: str, path: Path) -> None:
+    """Raises `RecordingError` if the car turns to the other side than its steering."""
+    if len(log.time) < LEAST_ROWS:
+        return
+    step = np.maximum(np.gradient(log.time), 1e-6)
+    heading = log.euler[:, 2]
+    forward = (
+        np.cos(heading) * np.gradient(log.position[:, 0]) + np.sin(heading) * np.gradient(log.position[:, 1])
+    ) / step
+    turn = np.gradient(np.unwrap(heading)) / step
+    is_clear = (np.abs(log.steering) > LEAST_STEERING) & (np.abs(turn) > LEAST_TURN) & (np.abs(forward) > LEAST_SPEED)
+    is_opposite = (log.steering * turn * forward < 0.0)[is_clear]
+    if len(is_opposite) >= LEAST_ROWS and is_opposite.mean() > MOST_OPPOSITE:
+        raise RecordingError(
+            f"the car turns to the other side than its steering: a positive angle in this log points to the "
+            f"{other_side}, use --steering {other_side}  ({path})"
+        )
 
 
 def _time(text: str, line: int, path: Path) -> float:
