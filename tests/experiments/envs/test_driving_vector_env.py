@@ -207,7 +207,8 @@ def test_seeds_may_be_integers_of_numpy() -> None:
     envs, single = vector_env("NigelParking-v0", 2), gymnasium.make("autodrive:NigelParking-v0")
     for seed in (0, 255):
         starts = envs.reset(seed=[seed, seed + 1])[0]
-        for same in (seed, np.int64(seed), np.uint8(seed), (seed, seed + 1), np.array([seed, seed + 1])):
+        others: list[Any] = [seed, np.int64(seed), np.uint8(seed), (seed, seed + 1), np.array([seed, seed + 1])]
+        for same in others:
             assert envs.reset(seed=same)[0].tobytes() == starts.tobytes(), same
         assert single.reset(seed=np.int64(seed))[0].tobytes() == starts[0].tobytes()  # pyright: ignore[reportArgumentType]
     assert envs.reset()[0].tobytes() != starts.tobytes()

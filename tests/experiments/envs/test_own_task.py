@@ -96,10 +96,7 @@ def test_episodes_are_on_all_of_the_tracks(hall: Track) -> None:
     envs: Any = gymnasium.make_vec(RACER, 16, track=[hall, other], reward=no_reward)
     envs.reset(seed=1)
     x = envs.unwrapped.batch.readings.position[:, 0, 0]
-    extents = [track.centre_line[:, 0] for track in (hall, other)]
-    first = x < extents[0].max() + 1.0
-    assert 0 < first.sum() < 16
-    assert len({*envs.unwrapped._episodes.memory[:, 0].tolist()}) == 2
+    assert 0 < (x < hall.centre_line[:, 0].max() + 1.0).sum() < 16  # the second one is beside the first one
     with pytest.raises(SpecError, match="must have the same barrier"):
         gymnasium.make_vec(RACER, 1, track=[hall, "practice"])
 

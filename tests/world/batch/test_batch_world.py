@@ -17,7 +17,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.yaml_files import find
 from autodrive.protocol.messages import RedLight, StopSign
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement, load_scenario
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.batch import BatchWorld, Readings
@@ -640,10 +640,11 @@ def test_a_vehicle_that_starts_in_motion_goes_on_as_one_that_has_driven() -> Non
 
 def test_seeds_of_a_batch_are_plain_integers() -> None:
     """200 + 99 is more than a uint8 holds."""
-    seed: Any = np.uint8(200)
-    small, usual = (BatchWorld("plane", n=100, seed=one, threads=1) for one in (seed, 200))
-    assert small.readings.lidar_ranges.tobytes() == usual.readings.lidar_ranges.tobytes()
-    assert small._seeds == list(range(200, 300))
+    car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")})
+    scenario, small = ScenarioSpec(map="practice", vehicles={"V1": car}), np.uint8(200)
+    noisy, usual = (BatchWorld(scenario, n=100, seed=one, threads=1).readings.lidar_ranges for one in (small, 200))  # pyright: ignore[reportArgumentType]
+    assert noisy.tobytes() == usual.tobytes()
+    assert (noisy[0] != noisy[1]).any()
     with pytest.raises(CommandError, match="not 9223372036854775808"):
         BatchWorld("plane", n=2, seed=2**63 - 1)
     with pytest.raises(CommandError, match="a seed must be a whole number"):

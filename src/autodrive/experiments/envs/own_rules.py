@@ -104,8 +104,16 @@ class OwnRules:
         if "distance" in measures:
             measures["progress"] = measures["distance"] - self._distance
             self._distance = measures["distance"].copy()
-        copies = (one.copy() for one in (outcome.reward, outcome.has_ended, outcome.is_success))
-        step = Step(cars, actions, self._actions, self._steps.copy(), *copies, measures)
+        step = Step(
+            cars,
+            actions,
+            last_actions=self._actions,
+            steps=self._steps.copy(),
+            task_reward=outcome.reward.copy(),
+            has_ended=outcome.has_ended.copy(),
+            is_success=outcome.is_success.copy(),
+            measures=measures,
+        )
         if self._reward is not None:
             outcome.reward[:] = _rewards(self._reward(step), is_unstable)
         if self._end is not None:

@@ -106,7 +106,7 @@ class OwnTracks(Tracks):
         tracks = [one if isinstance(one, Track) else Track.load(one) for one in given]
         if not tracks:
             raise SpecError(["track: must be a track or several, not an empty list"])
-        if len({one.barrier for one in tracks}) > 1:
+        if any(one.barrier != tracks[0].barrier for one in tracks):
             raise SpecError(["track: tracks that share a map must have the same barrier"])
         right, placed = 0.0, []
         for one in tracks:
