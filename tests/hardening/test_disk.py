@@ -123,7 +123,8 @@ OTHERS = {
     "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
     "cli/compiled.py": {"write_text"},  # into the folder of a wheel that is built
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
-    "cli/app.py": {"open"},  # /dev/null
+    "cli/app.py": {"open"},  # /dev/null, like the next one
+    "cli/stopping.py": {"open"},
     "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one
     "run/race.py": {"write_text", "open", "TemporaryFile"},  # what scripts print, while they run
     "recording/exports/csv.py": {"open"},  # see below, like the next ones
@@ -210,6 +211,24 @@ def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple
     folder, _ = disk
     one_line(r"cannot (be )?writ", lambda: export(recorded(), name, folder / "exported", ExportOptions()))
     assert not (folder / "exported").exists()
+
+
+def test_a_dataset_of_minari_whose_library_aborts_is_one_line_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As pyarrow does now and then when a disk is full; here at once."""
+    from autodrive.recording.exports import minari_dataset
+
+    aborting = [sys.executable, "-c", "import os; os.abort()"]
+    monkeypatch.setattr(
+        minari_dataset,
+        "start_module",
+        lambda _: subprocess.Popen(aborting, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL),
+    )
+    one_line(
+        "cannot write: the process of Minari ended with SIGABRT", lambda: export(recorded(), "minari", tmp_path / "m")
+    )
+    assert not (tmp_path / "m").exists()
 
 
 def test_a_rerun_file_that_does_not_fit_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:

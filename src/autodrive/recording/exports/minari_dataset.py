@@ -1,8 +1,14 @@
-"""A dataset of Minari: one episode for each part of the recording between resets."""
+"""A dataset of Minari: one episode for each part of the recording between resets.
+
+A process of its own writes it: where the disk is full, the threads of pyarrow, which Minari uses, can abort.
+"""
 
 from __future__ import annotations
 
 import os
+import pickle
+import signal
+import sys
 import warnings
 from collections import Counter
 from pathlib import Path
@@ -12,7 +18,8 @@ import minari
 import numpy as np
 from minari.data_collector import EpisodeBuffer
 
-from autodrive.recording import Recording
+from autodrive.base.child_process import start_module, take_stdout
+from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 
@@ -30,27 +37,53 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     episodes = [episode for episode, count in Counter(one.episode for one in found).items() if count > 1]
     buffers = [_episode(i, [one for one in found if one.episode == number]) for i, number in enumerate(episodes)]
     name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
-    before = os.environ.get("MINARI_DATASETS_PATH")
-    os.environ["MINARI_DATASETS_PATH"] = str(path.absolute())  # Minari joins a relative one twice
+    description = (
+        f"AutoDRIVE recording of '{recording.scenario.name}'. {rate:g} steps in a second. "
+        f"State: {', '.join(STATE)}. Action: {', '.join(ACTION)}."
+    )
     path.mkdir(parents=True)
+    with start_module("autodrive.recording.exports.minari_dataset") as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            pickle.dump((path.absolute(), f"autodrive/{name}-v0", description, buffers), process.stdin)
+            process.stdin.flush()
+            error = pickle.load(process.stdout)
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            status = process.wait()
+            end = signal.Signals(-status).name if status < 0 else f"exit code {status}"
+            error = RecordingError(f"cannot write: the process of Minari ended with {end}; is the disk full?  ({path})")
+        except BaseException:
+            process.kill()
+            raise
+    if error is not None:
+        raise error
+
+
+def main() -> None:
+    """Write the dataset that comes from stdin; the answer is the error, or None."""
+    answers = take_stdout()
+    error: BaseException | None = None
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about an author, and other things that a recording does not have
-            minari.create_dataset_from_buffers(
-                f"autodrive/{name}-v0",
-                buffer=buffers,
-                observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
-                action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
-                algorithm_name="recording",
-                description=f"AutoDRIVE recording of '{recording.scenario.name}'. {rate:g} steps in a second. "
-                f"State: {', '.join(STATE)}. Action: {', '.join(ACTION)}.",
-                data_format="arrow",
-            )
-    finally:
-        if before is None:
-            del os.environ["MINARI_DATASETS_PATH"]
-        else:
-            os.environ["MINARI_DATASETS_PATH"] = before
+        _create(*pickle.load(sys.stdin.buffer))
+    except Exception as raised:  # the other process raises it
+        error = raised
+    pickle.dump(error, answers)
+    answers.flush()
+
+
+def _create(folder: Path, name: str, description: str, buffers: list[EpisodeBuffer]) -> None:
+    os.environ["MINARI_DATASETS_PATH"] = str(folder)  # Minari joins a relative one twice
+    warnings.simplefilter("ignore")  # about an author, and other things that a recording does not have
+    minari.create_dataset_from_buffers(
+        name,
+        buffer=buffers,
+        observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
+        action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
+        algorithm_name="recording",
+        description=description,
+        data_format="arrow",
+    )
 
 
 def _episode(number: int, found: list[Step]) -> EpisodeBuffer:
