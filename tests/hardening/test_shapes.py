@@ -86,12 +86,12 @@ def check_contacts(shapes: Shapes, hits: Hits, rng: np.random.Generator) -> None
     """The cube touches something with its middle on what is drawn, and nothing where nothing is drawn."""
     touches = free = 0
     for k in rng.permutation(np.flatnonzero(np.isfinite(hits.camera)))[:PROBES].tolist():
-        point = hits.point(hits.camera[k], k)
+        point = hits.point(float(hits.camera[k]), k)
         _, normal = nearest_triangle(shapes.triangles, point)
         if point[2] < arch_from(shapes.compiled.map) - PROBE and (abs(normal[2]) < 1e-3 or abs(normal[2]) > 0.999):
             assert shapes.touched(point, math.atan2(normal[1], normal[0])), point
             touches += 1
-        ahead = hits.point(hits.camera[k] * float(rng.uniform(0.3, 1.0)), k)
+        ahead = hits.point(float(hits.camera[k] * rng.uniform(0.3, 1.0)), k)
         clearance, _ = nearest_triangle(shapes.triangles, ahead)
         if clearance > math.sqrt(0.75) * PROBE + TOLERANCE and ahead[2] < arch_from(shapes.compiled.map) - PROBE:
             assert not shapes.touched(ahead, float(rng.uniform(-3.0, 3.0))), ahead

@@ -186,6 +186,8 @@ def _roll(world: World, speeds: np.ndarray) -> None:
 CORNERS = ("walls", "ducts", "wedge", "slot", "boxes")
 """Two walls or air ducts that meet; blocks that come together, or are a little narrower apart than the car; boxes that
 the car pushes against a wall."""
+FREE, PATIENCE = 0.1, 4.0
+"""How far a car must get out of a corner [m], and how long it may take [s]."""
 
 
 class CornerJam(NamedTuple):
@@ -200,12 +202,12 @@ class CornerJam(NamedTuple):
     """Likewise, in the last quarter of a second before the throttle is reversed."""
     rise: float
     """Largest height of the rear axle above where it was at the start [m]."""
-    way_back: float
-    """Largest distance from the place where the throttle was reversed [m], from then on."""
+    time_to_free: float
+    """From the reversal of the throttle until the car was `FREE` from there [s]; infinity: it was not in `PATIENCE`."""
 
 
 def corner_jam(vehicle: str, seed: int, folder: Path) -> CornerJam:
-    """Drives a car into a corner at full throttle with random steering, and then backwards out of it.
+    """Drives a car into a corner at full throttle with random steering, and then straight backwards out of it.
 
     RoboRacers start at up to 8 m/s. Raises `EngineError` if the physics becomes unstable.
     """
@@ -217,7 +219,7 @@ def corner_jam(vehicle: str, seed: int, folder: Path) -> CornerJam:
     angle = float(rng.uniform(0.6, 2.6))
     map_, boxes = _corner(kind, angle, rng, width, folder / f"corner_{vehicle}_{seed}.yaml")
     bearing = float(rng.uniform(-0.2, 0.2))
-    mouth = width / math.tan(angle / 2.0) if kind in ("walls", "ducts") else 0.15
+    mouth = (width + 0.2) / math.tan(angle / 2.0) if kind in ("walls", "ducts") else 0.15
     way = length + mouth + float(rng.uniform(0.02, 0.2))
     start = VehiclePlacement(
         type=vehicle, x=-way * math.cos(bearing), y=-way * math.sin(bearing), yaw_deg=math.degrees(bearing)
@@ -225,16 +227,16 @@ def corner_jam(vehicle: str, seed: int, folder: Path) -> CornerJam:
     world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": start}, boxes=boxes, tick=SUBSTEP))
     if is_racer:
         _roll(world, np.array([rng.uniform(0.0, 8.0)]))
-    forward, backward = (0.8, 0.5) if is_racer else (1.8, 0.7)
+    pushes = round((1.0 if is_racer else 2.0) / SUBSTEP)
     turns = rng.uniform(-spec.steering.limit, spec.steering.limit, 4)
     c, energy = world.compiled, Energy(world)
     first, height = energy.now()[0], float(c.state.vehicle_position[0, 2])
     most, least = first, math.inf
-    gain = excess = crash = push = rise = back = 0.0
-    pushes, ticks = round(forward / SUBSTEP), round((forward + backward) / SUBSTEP)
+    gain = excess = crash = push = rise = 0.0
     place_of_reversal = np.zeros(3)
-    for tick in range(ticks):
-        command = Command(throttle=1.0 if tick < pushes else -1.0, steering=float(turns[4 * tick // ticks]))
+    for tick in range(pushes + round(PATIENCE / SUBSTEP)):
+        turn = float(turns[4 * tick // pushes]) if tick < pushes else 0.0
+        command = Command(throttle=1.0 if tick < pushes else -1.0, steering=turn)
         world.step({"V1": command} if tick % 50 == 0 else None)
         energy.observe_substep()
         if tick % 4 == 0:
@@ -249,9 +251,9 @@ def corner_jam(vehicle: str, seed: int, folder: Path) -> CornerJam:
             push = max(push, depth)
         if tick == pushes:
             place_of_reversal = c.state.vehicle_position[0].copy()
-        elif tick > pushes:
-            back = max(back, float(np.linalg.norm(c.state.vehicle_position[0] - place_of_reversal)))
-    return CornerJam(gain, excess, crash, push, rise, back)
+        elif tick > pushes and np.linalg.norm(c.state.vehicle_position[0] - place_of_reversal) > FREE:
+            return CornerJam(gain, excess, crash, push, rise, (tick - pushes) * SUBSTEP)
+    return CornerJam(gain, excess, crash, push, rise, math.inf)
 
 
 def _depth(world: World) -> float:

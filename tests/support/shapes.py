@@ -230,7 +230,7 @@ class Shapes:
         """Ranges of a level scan of a LIDAR there, and those of MuJoCo's rays [m], shape (n,) each."""
         state = self.compiled.state
         spec = LidarSpec(rays=180, range_min=0.0, range_max=REACH)
-        columns = {"shape_position": state.shape_position, "shape_rotation": state.shape_rotation}
+        columns: dict[str, Any] = {"shape_position": state.shape_position, "shape_rotation": state.shape_rotation}
         where = SensorScene(self.compiled.model.shapes, state_of(vehicle_position=[position], **columns))
         directions = np.column_stack([np.cos(spec.bearings), np.sin(spec.bearings), np.zeros(spec.rays)])
         return OneSensor(spec, where).sample().ranges, self.contact(position, directions)
@@ -284,7 +284,7 @@ class Shapes:
         """
         distance = np.zeros(len(hits.directions))
         differs = ~np.isclose(hits.camera, hits.lidar, rtol=0.0, atol=TOLERANCE)
-        for k in np.flatnonzero(differs):
+        for k in np.flatnonzero(differs).tolist():
             point = hits.point(min(hits.camera[k], hits.lidar[k]), k)
             if hits.camera[k] < hits.lidar[k]:
                 distance[k] = distance_to_shapes(self.compiled, point)
