@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -179,3 +179,136 @@ def _roll(world: World, speeds: np.ndarray) -> None:
         c.state.qvel[dof : dof + 2] = speed * math.cos(yaw), speed * math.sin(yaw)
         c.state.wheel_angular_velocity[4 * i : 4 * i + 4] = speed / c.model.wheels[4 * i]["radius"]
     place(c.model, c.state, c.views)
+
+
+# -- corners ----------------------------------------------------------------------------------------------------
+
+CORNERS = ("walls", "ducts", "wedge", "slot", "boxes")
+"""Two walls or air ducts that meet; blocks that come together, or are a little narrower apart than the car; boxes that
+the car pushes against a wall."""
+FREE, PATIENCE = 0.1, 4.0
+"""How far a car must get out of a corner [m], and how long it may take [s]."""
+
+
+class CornerJam(NamedTuple):
+    """What happened to a car that was driven into a corner and out of it."""
+
+    gain: float
+    """As in `Jam`; likewise the next one."""
+    excess: float
+    crash_depth: float
+    """Largest depth of a contact of the car with what is fixed [m]."""
+    push_depth: float
+    """Likewise, in the last quarter of a second before the throttle is reversed."""
+    rise: float
+    """Largest height of the rear axle above where it was at the start [m]."""
+    time_to_free: float
+    """From the reversal of the throttle until the car was `FREE` from there [s]; infinity: it was not in `PATIENCE`."""
+
+
+def corner_jam(vehicle: str, seed: int, folder: Path) -> CornerJam:
+    """Drives a car into a corner at full throttle with random steering, and then straight backwards out of it.
+
+    RoboRacers start at up to 8 m/s. Raises `EngineError` if the physics becomes unstable.
+    """
+    rng = np.random.default_rng(seed)
+    kind = CORNERS[seed % len(CORNERS)]
+    spec = load_vehicle(vehicle)
+    is_racer = vehicle.startswith("roboracer")
+    length, width, _ = spec.size
+    angle = float(rng.uniform(0.6, 2.6))
+    map_, boxes = _corner(kind, angle, rng, width, folder / f"corner_{vehicle}_{seed}.yaml")
+    bearing = float(rng.uniform(-0.2, 0.2))
+    mouth = (width + 0.2) / math.tan(angle / 2.0) if kind in ("walls", "ducts") else 0.15
+    way = length + mouth + float(rng.uniform(0.02, 0.2))
+    start = VehiclePlacement(
+        type=vehicle, x=-way * math.cos(bearing), y=-way * math.sin(bearing), yaw_deg=math.degrees(bearing)
+    )
+    world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": start}, boxes=boxes, tick=SUBSTEP))
+    if is_racer:
+        _roll(world, np.array([rng.uniform(0.0, 8.0)]))
+    pushes = round((1.0 if is_racer else 2.0) / SUBSTEP)
+    turns = rng.uniform(-spec.steering.limit, spec.steering.limit, 4)
+    c, energy = world.compiled, Energy(world)
+    first, height = energy.now()[0], float(c.state.vehicle_position[0, 2])
+    most, least = first, math.inf
+    gain = excess = crash = push = rise = 0.0
+    place_of_reversal = np.zeros(3)
+    for tick in range(pushes + round(PATIENCE / SUBSTEP)):
+        turn = float(turns[4 * tick // pushes]) if tick < pushes else 0.0
+        command = Command(throttle=1.0 if tick < pushes else -1.0, steering=turn)
+        world.step({"V1": command} if tick % 50 == 0 else None)
+        energy.observe_substep()
+        if tick % 4 == 0:
+            kinetic, rest, _ = energy.now()
+            most, least = max(most, kinetic), min(least, rest)
+            gain = max(gain, (rest - least) / (most + 0.01))
+            excess = max(excess, kinetic / (first + energy.motor_work + 0.01))
+        depth = _depth(world)
+        crash = max(crash, depth)
+        rise = max(rise, float(c.state.vehicle_position[0, 2]) - height)
+        if pushes - 250 <= tick < pushes:
+            push = max(push, depth)
+        if tick == pushes:
+            place_of_reversal = c.state.vehicle_position[0].copy()
+        elif tick > pushes and np.linalg.norm(c.state.vehicle_position[0] - place_of_reversal) > FREE:
+            return CornerJam(gain, excess, crash, push, rise, (tick - pushes) * SUBSTEP)
+    return CornerJam(gain, excess, crash, push, rise, math.inf)
+
+
+def _depth(world: World) -> float:
+    """Of the deepest contact of the car with a fixed shape [m]; the floor is none."""
+    c = world.compiled
+    if not c.views.contact_count[0]:
+        return 0.0
+    contact = c.engine.data.contact
+    solids = c.views.slots.solid[contact.geom]
+    is_fixed = (solids[:, 0] > 0) & (solids[:, 0] <= c.model.shapes.n_fixed)
+    return float(max(0.0, -contact.dist[is_fixed].min(initial=0.0)))
+
+
+def _corner(
+    kind: str, angle: float, rng: np.random.Generator, width: float, file: Path
+) -> tuple[str, dict[str, BoxSpec]]:
+    """Path of a map with a corner at the origin that is open towards -x, and the boxes in it.
+
+    `angle`: between its sides [rad]; `width`: of the car [m].
+    """
+    ends = [(-3.0 * math.cos(side * angle / 2.0), 3.0 * math.sin(side * angle / 2.0)) for side in (1.0, -1.0)]
+    boxes: dict[str, BoxSpec] = {}
+    tree: dict[str, Any] = {"title": "Corner", "ground": {"length": 20.0, "width": 20.0}}
+    tree["paved"] = [{"shape": "rectangle", "length": 20.0, "width": 20.0}]
+    if kind == "ducts":
+        corners = [(0.0, 0.0), ends[0], (-9.0, 3.0), (-9.0, -3.0), ends[1]]
+        if angle > 2.0:
+            corners = [(0.0, 0.0), ends[0], (-9.0, ends[0][1]), (-9.0, ends[1][1]), ends[1]]
+        tree = {
+            "title": "Corner",
+            "barrier": {"kind": "duct", "width": 0.33, "height": 0.33, "length": 1.0, "gap": 0.03},
+            "centre_line": ["-5 0 0.3 0.3", "-5.5 -0.5 0.3 0.3", "-6 0 0.3 0.3", "-5.5 0.5 0.3 0.3"],
+            "walls": [[f"{x:.4f} {y:.4f}" for x, y in corners]],
+        }
+    elif kind == "walls":
+        points = [list(ends[0]), [0.0, 0.0], list(ends[1])]
+        tree["walls"] = [{"points": points, "thickness": float(rng.uniform(0.02, 0.2)), "height": 0.3}]
+    elif kind == "boxes":
+        tree["walls"] = [{"points": [[0.1, 3.0], [0.1, -3.0]], "thickness": 0.1, "height": 0.3}]
+        for k in range(4):
+            size = rng.uniform(0.04, 0.15, 3).tolist()
+            boxes[f"box_{k}"] = BoxSpec(x=-0.1, y=0.25 * k - 0.375, size=(size[0], size[1], size[2]), mass=0.2)
+    else:
+        gap = float(rng.uniform(0.7, 0.98)) * width
+        turn = float(rng.uniform(2.0, 20.0)) if kind == "wedge" else 0.0
+        tree["blocks"] = [
+            {
+                "x": 0.5,
+                "y": side * (gap / 2.0 + 0.5),
+                "yaw_deg": side * -turn,
+                "length": 1.0,
+                "width": 1.0,
+                "height": 0.3,
+            }
+            for side in (1.0, -1.0)
+        ]
+    file.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return str(file), boxes

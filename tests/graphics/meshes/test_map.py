@@ -185,7 +185,7 @@ def test_the_plate_of_a_sign_is_hit_where_it_is_drawn(kind):
             solid.append(shapely.Polygon((corners @ own.T)[:, 1:] + (0.0, part.position[2] - z)))
             assert np.allclose(part.position[:2], (x, y))
     drawn, solid = (shapely.union_all([one.buffer(1e-6) for one in parts]) for parts in (drawn, solid))
-    assert shapely.hausdorff_distance(drawn.exterior, solid.exterior, 0.05) < 0.0045
+    assert shapely.hausdorff_distance(drawn.boundary, solid.boundary, 0.05) < 0.0045
 
 
 def test_town_is_cheap_to_draw():
