@@ -73,7 +73,7 @@ def simulation(moved: Path) -> Iterator[Simulation]:
     start = ScenarioSpec(map="plane", vehicles=cars, tick=0.025)
     other = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(moved))}, tick=0.025)
 
-    def load(name: str) -> autodrive.World:
+    def load(name: object) -> autodrive.World:
         return started(autodrive.make(other if name == "two_cars" else start))
 
     with Simulation(load(""), load=load) as one:

@@ -62,7 +62,7 @@ def quaternion(message: Any) -> Quaternion:
     return tuple(part / length for part in given)  # type: ignore[return-value]
 
 
-def in_parent(frame: Transform, position: Iterable[float], orientation: Quaternion) -> tuple[Vector, Quaternion]:
+def in_parent(frame: Transform, position: Vector, orientation: Quaternion) -> tuple[Vector, Quaternion]:
     """A pose in the frame as a pose in its parent."""
     x, y, z = (a + b for a, b in zip(frame.position, rotate(frame.orientation, position), strict=True))
     return (x, y, z), compose(frame.orientation, orientation)
