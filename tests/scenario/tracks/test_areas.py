@@ -164,6 +164,17 @@ def test_a_wide_opening_is_an_error_that_names_the_option(tmp_path: Path) -> Non
     assert track.length == pytest.approx(LENGTH, abs=0.3)
 
 
+def test_a_start_in_the_surroundings_of_open_walls_is_refused(tmp_path: Path) -> None:
+    """As in a corridor whose ends are open to grey surroundings that free_thresh makes free."""
+    holes = opening(2.0, OUTER_SIDE), opening(2.0, -OUTER_SIDE)
+    path = draw(tmp_path, (CORRIDOR, FREE), (walls(*holes), OCCUPIED), around=GREY)
+    track, warnings = warnings_of(path, ImportOptions(start=(-5.0, 0.0)))
+    assert_between_the_walls(track)
+    assert any("the grey 216 of the border" in text for text in warnings)
+    with pytest.raises(SpecError, match="the start point is outside of the walls"):
+        import_track(path, ImportOptions(start=(-8.0, 5.0)))
+
+
 def test_open_walls_without_a_ring_are_refused(tmp_path: Path) -> None:
     path = draw(tmp_path, (walls(opening(4.0, OUTER_SIDE)), OCCUPIED))
     with pytest.raises(SpecError, match="the only free area that is a ring lies along the border of the image"):

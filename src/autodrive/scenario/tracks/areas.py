@@ -27,6 +27,8 @@ SPECK = 0.05
 """A hole whose convex hull has a smaller share of the length of that of the area is a speck: the area is no ring."""
 SMALL = 0.1
 """A ring around a smaller share of what the largest one is around is a detail of the map."""
+LONG = 0.3
+"""An obstacle around a greater share of what the inner wall is around is a part of an open outer wall."""
 VARIATION = 0.5
 """A ring is taken at once if the distance between its walls varies by a smaller share."""
 PENALTY = 0.1
@@ -202,18 +204,19 @@ def _check(area: Area, rings: list[Area], gap: float, *, has_point: bool) -> Non
     if area.closed > max(gap, *CLOSED):
         text = "the walls have an opening through which the track and its surroundings are one area; --close"
         raise SpecError([f"{text} {area.closed:g} closes openings that are narrower than {area.closed:g} m"])
-    if has_point and _is_outside(area, rings):
+    others = [ring for ring in rings if not ring.is_surroundings and not _is_detail(ring, rings)]
+    if has_point and (_is_outside(area, rings) or (area.is_surroundings and others)):
         raise SpecError(["the start point is outside of the walls"])
-    if area.is_surroundings and (area.variation > VARIATION + area.penalty or _has_walls_inside(area)):
+    if area.is_surroundings and (area.variation > VARIATION + area.penalty or _has_other_walls(area)):
         text = "the only free area that is a ring lies along the border of the image: the walls are open, or missing"
         raise SpecError([f"{text}. Close them in the image, or with --close, or give a centre line"])
 
 
-def _has_walls_inside(area: Area) -> bool:
-    """Whether another large hole is inside of the convex hull of the hole: the inner wall, behind an open outer one."""
+def _has_other_walls(area: Area) -> bool:
+    """Whether it has another long hole, or a large one inside of the convex hull of its hole: parts of open walls."""
     hull = area.hole.convex_hull
-    others = (hole.convex_hull for hole in area.polygon.interiors if not hole.equals(area.hole))
-    return any(hull.contains(other) and other.length > SMALL * area.surrounded for other in others)
+    others = [hole.convex_hull for hole in area.polygon.interiors if not hole.equals(area.hole)]
+    return any(other.length > (SMALL if hull.contains(other) else LONG) * area.surrounded for other in others)
 
 
 def _warnings(area: Area, rings: list[Area], gap: float) -> list[str]:
