@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
 from autodrive.connect.server.served import NO_FOLDER, OwnFiles
 from autodrive.protocol.messages import MAX_MODULES, LoadScenario, UseMap
 from autodrive.protocol.own_files import OpenFile, OwnFile
 from autodrive.scenario.files import check_names
-from autodrive.scenario.scenario import YAML, ScenarioSpec
+from autodrive.scenario.scenario import ScenarioSpec
 
 if TYPE_CHECKING:
     from autodrive.world import World
@@ -104,7 +105,7 @@ class UserFiles(OwnFiles):
         if self._folder is None:
             raise AutodriveError(NO_FOLDER)
         try:
-            found = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
+            found = (path for path in self._folder.iterdir() if is_yaml(path) and path.is_file())
             return sorted(itertools.islice(found, MAX_FILES))
         except OSError as error:
             raise AutodriveError(f"the folder '{self.folder}' cannot be read: {error.strerror or error}") from None
@@ -136,7 +137,7 @@ def _own_modules(map_: Any) -> list[str]:
     placements = map_.get("placements") if isinstance(map_, dict) else None
     entries = placements if isinstance(placements, list) else []
     names = [one.get("module") for one in entries if isinstance(one, dict)]
-    return [*dict.fromkeys(name for name in names if isinstance(name, str) and name.endswith(YAML))]
+    return [*dict.fromkeys(name for name in names if isinstance(name, str) and is_yaml(name))]
 
 
 def _is_scenario(tree: Any) -> bool:
