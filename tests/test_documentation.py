@@ -26,6 +26,7 @@ RUN_BY = {
     "client.md": {"python": "tests/connect/client/test_document.py"},
     "first_drive.md": {"python": "tests/connect/devkit/test_python_examples.py"},
     "cpp.md": {"cpp": "tests/clients/test_cpp_docs.py", "cmake": "tests/clients/test_cpp_docs.py"},
+    "proxy.md": {"nginx": "tests/page/test_proxy.py"},
     "racing.md": {
         "python": "tests/world/racing/test_race_document.py",
         "yaml": "tests/world/racing/test_race_document.py",

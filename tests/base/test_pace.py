@@ -77,3 +77,12 @@ def test_simulated_time_counts_ticks_at_the_length_that_they_had() -> None:
         pace.count(0.1)
     assert pace.simulated_time == pytest.approx(10 * 0.01 + 10 * 0.02)
     assert pace.delay(0.1) == pytest.approx(0.2)
+
+
+def test_steps_during_a_rest_have_a_speed() -> None:
+    """As in a race in lock-step: 200 ticks in 4 s of wall time are half of real time."""
+    pace = Pace(TICK, 1.0)
+    for k in range(201):
+        assert not pace.count(50.0 + 0.02 * k)
+    assert pace.real_time_factor == pytest.approx(0.5, rel=0.01)
+    assert (pace.late_ticks, pace.running_time(60.0)) == (0, 0.0)

@@ -82,7 +82,7 @@ def test_a_wrong_type_is_reported_with_the_value() -> None:
     assert "'bright'" in error
 
 
-@pytest.mark.parametrize(("text", "found"), [("", "NoneType"), ("- a\n- b\n", "list"), ("just words", "str")])
+@pytest.mark.parametrize(("text", "found"), [("", "nothing"), ("- a\n- b\n", "a list"), ("just words", "a value")])
 def test_a_file_without_keys_is_refused_with_what_is_expected(text: str, found: str) -> None:
     assert errors_in(text) == [f"line 1: expected 'key: value' lines (Street), found {found}"]
 

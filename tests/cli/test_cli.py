@@ -36,6 +36,14 @@ NOT_BUILT = [] if (PACKAGE / "page" / "index.html").is_file() else ["page"]
 # -- help and errors --------------------------------------------------------------------------------------------
 
 
+def test_without_the_page_a_run_says_that_clients_cannot_connect() -> None:
+    text = "clients and the direct ROS bridge cannot connect"
+    assert text in call("run", "plane", "--headless", "--duration", "0.02").stderr
+    assert text not in call("run", "plane", "--no-browser", "--port", "0", "--duration", "0.02").stderr
+    for command in ("run", "race", "play"):
+        assert "the direct ROS bridge cannot connect" in " ".join(call(command, "--help").stdout.split())
+
+
 def test_help_names_every_command() -> None:
     done = call("--help")
     assert done.returncode == 0
@@ -88,7 +96,7 @@ def test_help_imports_neither_physics_nor_compiler() -> None:
         (("show", "nigel", "--occupancy", "maps"), "--occupancy and --labels are for maps, modules and scenarios"),
         (("show", "mini_map", "--labels", "map.gif"), "--labels must end in .png, not '.gif'"),
         (("show", "mini_map", "--labels", "no/such/folder/map.png"), "cannot write: No such file or directory"),
-        (("check", "no_such.yaml"), "cannot be read: No such file or directory"),
+        (("check", "no_such.yaml"), "file 'no_such.yaml' does not exist"),
         (("check", "mini_mapp"), "Did you mean 'mini_map'?"),
     ],
 )

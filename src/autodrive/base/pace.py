@@ -29,7 +29,7 @@ class Pace:
         self._due = 0.0
         self._started: float | None = None
         self._time_before = 0.0
-        self._measured_from = (0.0, 0)
+        self._measured_from: tuple[float, int] | None = None
         self._quiet_until = float("-inf")
 
     @property
@@ -55,6 +55,7 @@ class Pace:
         """Nothing is due until `restart`."""
         self._time_before = self.running_time(now)
         self._started = None
+        self._measured_from = (now, self.ticks)
 
     def set_speed(self, speed: float | None, now: float) -> None:
         """Change the speed, running or resting; a lag of the old speed is dropped."""
@@ -72,12 +73,10 @@ class Pace:
         return 0.0 if self.speed is None else self._due - now
 
     def count(self, now: float) -> bool:
-        """Count a tick. Returns True if a warning is due that the speed cannot be kept."""
+        """Count a tick, also one of a step during a rest. Returns True if a warning is due that it is too slow."""
         self.ticks += 1
-        if self._started is None:
-            return False
         self._measure(now)
-        if self.speed is None:
+        if self._started is None or self.speed is None:
             return False
         period = self._tick_duration / self.speed
         self._due += period
@@ -90,7 +89,7 @@ class Pace:
         return self._is_warning_due(now)
 
     def _measure(self, now: float) -> None:
-        began, ticks = self._measured_from
+        began, ticks = self._measured_from = self._measured_from or (now, self.ticks)
         if now - began >= MEASURING_TIME:
             self.real_time_factor = (self.ticks - ticks) * self._tick_duration / (now - began)
             self._measured_from = (now, self.ticks)

@@ -29,7 +29,11 @@ Noise: TypeAlias = Annotated[
     bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
 ]
 Headless: TypeAlias = Annotated[
-    bool, typer.Option("--headless", help="Do not serve the page; only print what goes on.")
+    bool,
+    typer.Option(
+        "--headless",
+        help="Do not serve the page; only print what goes on. Clients and the direct ROS bridge cannot connect then.",
+    ),
 ]
 Host: TypeAlias = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0 or :: means all interfaces.")

@@ -96,6 +96,8 @@ class StatusDisplay(RunObserver):
         self._on_start(run)
         if self._compiled:
             self.console.print(f"compiled {self._compiled} functions in {self._clock() - self._began:.0f} s")
+        if not run.link:
+            self._print("without the page (--headless): clients and the direct ROS bridge cannot connect")
         self._print(f"{self._title}; press Ctrl-C to stop")
 
     def _print_link(self, link: str) -> None:

@@ -102,7 +102,9 @@ class Run:
 
     def status(self) -> str:
         """Status line: time, real-time factor, vehicles, cameras, devkit bridge, page."""
-        parts = [f"{self.simulation.simulated_time:8.1f} s", f"x{self.simulation.real_time_factor:.2f}"]
+        parts = [f"{self.simulation.simulated_time:8.1f} s"]
+        if factor := self.simulation.real_time_factor:  # it was measured
+            parts.append(f"x{factor:.2f}" if factor >= 0.1 else f"x{factor:.2g}")
         for name, vehicle in self.simulation.frame.vehicles.items():
             x, y, _ = vehicle.pose.position
             parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")

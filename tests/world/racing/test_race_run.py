@@ -6,6 +6,7 @@ import csv
 import hashlib
 import itertools
 import json
+import re
 import runpy
 import time
 from collections.abc import Callable
@@ -143,10 +144,19 @@ def test_a_script_that_repeats_its_commands_is_named_and_slowed_down_to_real_tim
     def respond(_: Any) -> dict[str, str]:
         return {"V1 Throttle": "0.05", "V1 Steering": f"{0.001 * (next(messages) // 4):.3f}", "V1 Reset": "False"}
 
+    lines: list[str] = []
+
+    class Reading(RunObserver):
+        def running(self, run: Run) -> None:
+            lines.append(run.status())
+
     rules = ruleset(tmp_path, time_limit=3.0)
     with Server(respond, port=0) as server:
         here = (("127.0.0.1", server.port),)
-        result = race(RaceOptions("practice", here, rules=rules, is_lockstep=True, has_page=False))
+        options = RaceOptions("practice", here, rules=rules, is_lockstep=True, has_page=False)
+        result = race(options, observer=Reading())
+    assert not any("x0.00" in line for line in lines)
+    assert any(re.match(r" +\d+\.\d s  x\d+\.\d\d  V1 ", line) for line in lines)  # how fast it goes
     assert result.notes["V1"] == "most of its commands drove 4 ticks"
     assert "the result depends on the machine" in result.to_markdown()
     assert result.wall_time > 1.5  # the first second, of 40 commands, may be faster
