@@ -26,6 +26,7 @@ REAL_TIME = {
     "base/compile_ahead.py",
     "base/installation.py",
     "base/tcp.py",
+    "base/turns.py",
     "graphics/cameras/jpeg.py",
     "graphics/cameras/process_cameras.py",
     "graphics/cameras/render_process.py",
@@ -34,7 +35,7 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They compile beside this process, render and encode images asynchronously, set options of connections, step worlds in
+"""They compile beside this process, wait for another one, render and encode images asynchronously, set options of connections, step worlds in
 several threads, refuse a second thread, or read the address of a package."""
 
 IN_THE_TICK = [

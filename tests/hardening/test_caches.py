@@ -20,7 +20,7 @@ from numba.core import config
 from numba.core.registry import cpu_target
 
 from autodrive.base import jit
-from autodrive.base.cache import Turns
+from autodrive.base.turns import Turns
 from autodrive.cli.doctor import run_checks
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
@@ -334,7 +334,7 @@ def test_processes_that_need_the_same_code_at_once_compile_it_once(tmp_path: Pat
 
 def test_a_process_that_ends_in_its_turn_holds_nobody_up(tmp_path: Path) -> None:
     path = tmp_path / "code"
-    line = "import os, sys; from pathlib import Path; from autodrive.base.cache import Turns"
+    line = "import os, sys; from pathlib import Path; from autodrive.base.turns import Turns"
     subprocess.run([sys.executable, "-c", f"{line}; Turns().take(Path(sys.argv[1])); os._exit(1)", path], check=False)
     turns = Turns()
     assert not turns.take(path)

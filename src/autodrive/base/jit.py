@@ -31,7 +31,8 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.np import linalg
 
-from autodrive.base.cache import PACKAGE, Turns, cache_folder, read_cached, sources, write_cached
+from autodrive.base.cache import PACKAGE, cache_folder, read_cached, sources, write_cached
+from autodrive.base.turns import Turns
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
