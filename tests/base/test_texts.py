@@ -31,8 +31,8 @@ def test_every_text_can_be_encoded_and_a_valid_one_stays(text: str) -> None:
 
 
 def test_every_text_of_a_message_is_escaped() -> None:
-    name = "caf\udce9\ud800"
-    escaped = "caf\\xe9\\ud800"
+    name = "stra\udcdfe\ud800"
+    escaped = "stra\\xdfe\\ud800"
     assert unpack(encode(Error("request", name, 3))) == {"type": "Error", "code": "request", "text": escaped, "id": 3}
     drawn = Drawn(name, Drawing("text", np.array([[1.5, 2.0, 3.0]]), text=name), 0.5)  # type: ignore[arg-type]
     found = unpack(encode(drawn))

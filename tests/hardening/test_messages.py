@@ -13,7 +13,6 @@ import random
 import time
 import zlib
 from collections import Counter
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +30,11 @@ from autodrive.connect.bridge.session import Session
 from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import Served
 from autodrive.protocol.devkit_profile import DevkitSettings
-from autodrive.protocol.messages import Command, Frame, Operation
+from autodrive.protocol.messages import Command, Operation
 from autodrive.protocol.native import RunOrigin, Source
 from autodrive.run.own_files import UserFiles
 from autodrive.world import World
+from autodrive.world.simulation.paced import Execution
 from tests.support.hardening import cases, memory
 from tests.support.native_clients import pack, scene_files
 
@@ -123,7 +123,7 @@ class Waiting(Simulation):
         super().submit(vehicle, command, source)
         self.commands[vehicle] = command
 
-    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+    def request(self, request: Operation, *, here: bool = False) -> Execution:
         done = super().request(request, here=here)
         self.request_count += 1
         return done

@@ -15,7 +15,7 @@ from tests.support.command_line import AUTODRIVE, Started
 from tests.support.native_clients import connected
 from tests.support.waiting import LIMIT, free_port
 
-NAME, ESCAPED = os.fsdecode(b"caf\xe9"), "caf\\xe9"
+NAME, ESCAPED = os.fsdecode(b"stra\xdfe"), "stra\\xdfe"
 
 
 @pytest.mark.process
@@ -59,4 +59,4 @@ def test_it_is_printed_where_the_terminal_is_strict(tmp_path: Path) -> None:
         timeout=LIMIT,
     )
     assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout.startswith(b"caf\\udce9.yaml: ")
+    assert done.stdout.startswith(b"stra\\udcdfe.yaml: ")

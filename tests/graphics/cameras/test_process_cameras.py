@@ -175,7 +175,7 @@ def test_ends_of_the_worker_count_for_an_hour(
     drawn_after_end(0.0)
     drawn_after_end(3600.0)
     assert ["(1 of 1)" in line for line in messages(caplog)] == [True, True]
-    with pytest.raises(AutodriveError, match="cameras are unavailable: .* 2 times in an hour"):
+    with pytest.raises(AutodriveError, match=r"cameras are unavailable: .* 2 times in an hour"):
         drawn_after_end(3600.0 + 3599.0)
     process.close()
     world.close()
