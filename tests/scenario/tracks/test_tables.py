@@ -19,7 +19,7 @@ from autodrive.scenario.tracks.importer import ImportOptions, import_track
 from autodrive.scenario.tracks.track import Track
 
 DATA = Path(__file__).parent / "data"
-T: Floats = np.arange(200) * (2.0 * math.pi / 200)
+T: Floats = np.arange(200, dtype=np.float64) * (2.0 * math.pi / 200)
 LINE: Floats = np.column_stack([6.0 * np.cos(T), 4.0 * np.sin(T), np.full(200, 0.6), np.full(200, 1.2)]).round(4)
 
 

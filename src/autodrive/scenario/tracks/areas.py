@@ -65,7 +65,7 @@ class Area:
     """Is added to the variation."""
 
     @cached_property
-    def hole(self) -> BaseGeometry:
+    def hole(self) -> shapely.LinearRing:
         """The hole around most. A thin wall with an opening is a hole, too, so that its convex hull counts."""
         return max(self.polygon.interiors, key=lambda hole: hole.convex_hull.area, default=shapely.LinearRing())
 
@@ -128,6 +128,7 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
     point = None if known is None else shapely.Point(shapely.get_coordinates(known)[0])
     levels = [(level, areas_of(contours(ros_map.occupancy, level.value))) for level in _levels(ros_map)]
     found: list[Area] = []
+    rings: list[Area] = []
     ranked: list[Area] = []
     count = sum(int(shapely.get_num_coordinates(polygons).sum()) for _, polygons in levels)
     wider = [] if is_line or count > MAX_POINTS * len(levels) else [*CLOSED, *SUGGESTED]

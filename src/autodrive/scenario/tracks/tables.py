@@ -15,8 +15,8 @@ from autodrive.base.readable import readable
 MAX_BYTES = 20 * 2**20
 CENTRE_LINE = "x_m, y_m, w_tr_right_m, w_tr_left_m"
 RACE_LINE = "s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
-CENTRE_COLUMNS = ("x", "y", "right", "left")
-RACE_COLUMNS = ("s", "x", "y", "psi", "kappa", "vx", "ax")
+CENTRE_COLUMNS: tuple[str, ...] = ("x", "y", "right", "left")
+RACE_COLUMNS: tuple[str, ...] = ("s", "x", "y", "psi", "kappa", "vx", "ax")
 NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "x_ref", "pos_x", "position_x", "x_pos"),
     "y": ("y", "y_ref", "pos_y", "position_y", "y_pos"),
