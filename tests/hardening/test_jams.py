@@ -72,7 +72,7 @@ def test_a_car_drives_into_a_corner_and_out_again(vehicle: str, tmp_path: Path) 
         assert jammed.crash_depth < CRASH_DEPTH, seed
         assert jammed.push_depth < PUSH_DEPTH, seed
         assert jammed.rise < 0.3, seed  # the height of the walls
-    # between two sides that are near each other, friction can hold a car that pulls with less than it, as it holds a wedge
+    # friction can hold a car between two sides, as it holds a wedge
     held = [seed for seed, jammed in results.items() if jammed.time_to_free > PATIENCE]
     assert len(held) <= 0.05 * len(results), held
 
