@@ -35,8 +35,8 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They compile beside this process, wait for another one, render and encode images asynchronously, set options of connections, step worlds in
-several threads, refuse a second thread, or read the address of a package."""
+"""They compile beside this process, wait for another one, render and encode images asynchronously, set options of
+connections, step worlds in several threads, refuse a second thread, or read the address of a package."""
 
 IN_THE_TICK = [
     path
