@@ -80,7 +80,7 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
         raise SpecError([f"a {kind} must be {wanted}, not {short(repr(name))}"])
     path = Path(name)
     if is_yaml(path):
-        check_exists(path, kind, *([also] if also else []))
+        check_exists(path, *filter(None, (kind, also)))
         return path
     included = _folder(kind) / f"{name}.yaml"
     if os.path.isfile(included):
