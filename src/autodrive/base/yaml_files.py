@@ -87,7 +87,7 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
     if is_yaml(path):
         if problem := refused(path):
             raise SpecError([problem])
-        check_exists(path, kind, *(() if also is None else (also,)))
+        check_exists(path, *filter(None, (kind, also)))
         return path
     included = _folder(kind) / f"{name}.yaml"
     if os.path.isfile(included):

@@ -191,8 +191,8 @@ def _simulated_part(batch: BatchWorld, log: DriveLog, part: range, limit: float,
         commands[0, 0] = log.throttle[i], log.steering[i] / limit
         while readings.time[0] < log.time[i] - log.time[start] - 0.5 * batch.tick_duration:
             batch.step(commands)
-        columns = (readings.position, readings.orientation, readings.velocity, readings.angular_velocity)
-        rows.append(_row(*(column[0, 0] for column in columns), lever))
+        r = readings
+        rows.append(_row(r.position[0, 0], r.orientation[0, 0], r.velocity[0, 0], r.angular_velocity[0, 0], lever))
     return rows
 
 

@@ -202,7 +202,9 @@ def _without_gaps(times: Floats, path: Path) -> tuple[Floats, tuple[int, ...]]:
         )
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     is_break = is_backward | (steps > max(LEAST_GAP, GAP_STEPS * usual))
-    return np.concatenate(([0.0], np.cumsum(np.where(is_break, usual, steps)))), tuple(np.flatnonzero(is_break) + 1)
+    return np.concatenate(([0.0], np.cumsum(np.where(is_break, usual, steps)))), tuple(
+        (np.flatnonzero(is_break) + 1).tolist()
+    )
 
 
 def _check_steering(log: DriveLog, other_side: str, path: Path) -> None:
