@@ -54,16 +54,16 @@ def column(outcome: Outcome, name: str) -> list[Any]:
 
 
 class After(CampaignObserver):
-    """Calls a function after four rows, and counts the rows that are not new."""
+    """Calls a function after some rows, and counts the rows that are not new."""
 
     reused = 0
 
-    def __init__(self, act: Callable[[], object] = lambda: None) -> None:
-        self._act = act
+    def __init__(self, act: Callable[[], object] = lambda: None, *, rows: int = 4) -> None:
+        self._act, self._rows = act, rows
 
     def progress(self, progress: Progress) -> None:
         self.reused = progress.reused
-        if progress.done == 4:
+        if progress.done == self._rows:
             self._act()
 
 
@@ -90,6 +90,28 @@ def test_a_driver_that_is_edited_during_its_campaign_drives_as_at_the_start(
     restored = run_campaign(loaded(tmp_path, files=["gain.txt"]), tmp_path / "c", workers=0, observer=again)
     assert column(restored, "score") == [3.0] * 24
     assert again.reused == 24
+
+
+SCRIPT = """
+import sys
+import gain
+from autodrive.devkit import Nigel, drive
+car = Nigel("V1")
+car.throttle_command, car.steering_command = gain.THROTTLE, 0.0
+drive(lambda: None, car, port=int(sys.argv[1]))
+"""
+
+
+@pytest.mark.process
+def test_a_script_whose_module_is_edited_during_its_campaign_drives_as_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    gain = tmp_path / "gain.py"
+    gain.write_text("THROTTLE = 0.5\n")
+    one = loaded(tmp_path, driver="python script.py {port}", metrics=["distance"], seeds=2)
+    edit = After(lambda: gain.write_text("THROTTLE = 1.0\n"), rows=1)
+    outcome = run_campaign(one, tmp_path / "out", workers=0, observer=edit)
+    assert set(column(outcome, "error")) == {""}
+    assert len(set(column(outcome, "distance"))) == 1
 
 
 def test_a_helper_that_is_edited_in_one_process_is_read_again(tmp_path: Path) -> None:

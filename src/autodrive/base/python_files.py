@@ -65,13 +65,14 @@ def sources(file: Path) -> list[Path]:
 
 def opaque(file: str, content: bytes) -> list[str]:
     """Places in a Python file that run code which its text does not name: 'driver.py, line 3: exec'."""
-    calls = [node for node in ast.walk(_tree(content)) if isinstance(node, ast.Call)]
-    found = [
-        (call.lineno, name)
-        for call in calls
-        if (name := _name(call.func)) in OPAQUE
-        or (name in BY_NAME and not all(isinstance(argument, ast.Constant) for argument in call.args[:1]))
-    ]
+    found = set[tuple[int, str]]()
+    for call in ast.walk(_tree(content)):
+        if isinstance(call, ast.Call):
+            name = _name(call.func)
+            is_constant = all(isinstance(argument, ast.Constant) for argument in call.args[:1])
+            is_method = name == "exec" and isinstance(call.func, ast.Attribute)
+            if (name in OPAQUE and not is_method) or (name in BY_NAME and not is_constant):
+                found.add((call.lineno, name))
     return [f"{Path(file).name}, line {line}: {name}" for line, name in sorted(found)]
 
 
@@ -306,8 +307,9 @@ def _folder_of(top: str, folder: Path, paths: tuple[str, ...]) -> Path | None:
 def _copy(path: Path, user: Path) -> Path:
     """The copy of a folder that a file in the folder `user` imports from; the folder itself if there is none."""
     for target, root in _copies.items():
-        if user.is_relative_to(target) and path.is_relative_to(root) and (target / path.relative_to(root)).is_dir():
-            return target / path.relative_to(root)
+        if user.is_relative_to(target) and path.is_relative_to(root) and not path.is_relative_to(target):
+            copy = target / path.relative_to(root)
+            return copy if copy.is_dir() else path
     return path
 
 

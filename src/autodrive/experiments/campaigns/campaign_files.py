@@ -125,9 +125,16 @@ class Workplace:
     @contextlib.contextmanager
     def entered(self) -> Iterator[None]:
         """In the block, this process imports the copies."""
-        sys.path += [path for path in self.paths if path not in sys.path]
-        with copied(self.original, self.root):
-            yield
+        before = [*sys.path]
+        inside = [path for path in self.paths if Path(path).is_relative_to(self.original)]
+        copies = {path: str(self.root / os.path.relpath(path, self.original)) for path in inside}
+        copies = {path: copy for path, copy in copies.items() if os.path.isdir(copy)}
+        sys.path[:] = [copies.get(os.path.abspath(path), path) for path in dict.fromkeys([*before, *self.paths])]
+        try:
+            with copied(self.original, self.root):
+                yield
+        finally:
+            sys.path[:] = before
 
 
 class Snapshot:
