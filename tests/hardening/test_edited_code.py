@@ -116,7 +116,7 @@ def test_a_script_whose_module_is_edited_during_its_campaign_drives_as_at_the_st
 
 def test_a_helper_that_is_edited_in_one_process_is_read_again(tmp_path: Path) -> None:
     (tmp_path / "driver.py").write_text(driver("helper.gain()", "import helper\n"))
-    scores = []
+    scores, again = list[set[float]](), After()
     for number, gain in enumerate((1.0, 9.0, 5.0, 1.0)):  # of one length, within one second
         (tmp_path / "helper.py").write_text(f"def gain(): return {gain}\n")
         again = After()
@@ -148,21 +148,21 @@ def test_two_helpers_of_one_name_are_two_modules(tmp_path: Path) -> None:
 
 
 def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_user(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It need not be named in `files`; errors name the file of the user."""
     home = tmp_path / "home"
     (home / "code").mkdir(parents=True)
     (home / "gain.txt").write_text("4")
     (home / "old.log").write_text("")
-    text = (
-        "from pathlib import Path\nHERE = Path(__file__).parent\nGAIN = float((HERE.parent / 'gain.txt').read_text())\n"
-    )
+    text = "from pathlib import Path\nHERE = Path(__file__).parent\nexec('NAME = 3')\n"
+    text += "GAIN = float((HERE.parent / 'gain.txt').read_text())\n"
     score = "(HERE / 'new.log').write_text('new'), (HERE.parent / 'old.log').write_text('old'), GAIN)[2]"
     (home / "code" / "driver.py").write_text(driver(f"({score}", text))
     (home / "code" / "wrong.py").write_text("def wrong(frames): open(__file__ + '.none')\n")
     campaign = loaded(home, driver=f"{home}/code/driver.py:Driver", metrics=["code/driver.py:score"])
     assert set(column(run_campaign(campaign, tmp_path / "out", workers=0), "score")) == {4.0}
+    assert "name its files in 'files'  (driver.py, line 3: exec)" in caplog.text
     assert (home / "code" / "new.log").read_text() == "new"
     assert (home / "old.log").read_text() == "old"
     assert not list(home.rglob("__pycache__"))

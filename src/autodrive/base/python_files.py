@@ -261,7 +261,7 @@ def _importlib(importer: Mapping[str, Any]) -> ModuleType:
         _note(importer, full, ())
         return module
 
-    own.import_module = import_module
+    vars(own)["import_module"] = import_module
     return own
 
 
