@@ -94,21 +94,33 @@ def test_a_driver_that_is_edited_during_its_campaign_drives_as_at_the_start(
 
 SCRIPT = """
 import sys
+import far
 import gain
 from autodrive.devkit import Nigel, drive
 car = Nigel("V1")
-car.throttle_command, car.steering_command = gain.THROTTLE, 0.0
+car.throttle_command, car.steering_command = far.FACTOR * gain.THROTTLE, 0.0
 drive(lambda: None, car, port=int(sys.argv[1]))
 """
 
 
 @pytest.mark.process
-def test_a_script_whose_module_is_edited_during_its_campaign_drives_as_at_the_start(tmp_path: Path) -> None:
+def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One beside it, and one in a folder of PYTHONPATH, which is in `sys.path`."""
+    (tmp_path / "lib").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "lib"))
+    monkeypatch.syspath_prepend(tmp_path / "lib")
     (tmp_path / "script.py").write_text(SCRIPT)
-    gain = tmp_path / "gain.py"
-    gain.write_text("THROTTLE = 0.5\n")
+    modules = {tmp_path / "gain.py": "THROTTLE = {}\n", tmp_path / "lib" / "far.py": "FACTOR = {}\n"}
+
+    def write(value: float) -> None:
+        for file, text in modules.items():
+            file.write_text(text.format(value))
+
+    write(0.5)
     one = loaded(tmp_path, driver="python script.py {port}", metrics=["distance"], seeds=2)
-    edit = After(lambda: gain.write_text("THROTTLE = 1.0\n"), rows=1)
+    edit = After(lambda: write(1.0), rows=1)
     outcome = run_campaign(one, tmp_path / "out", workers=0, observer=edit)
     assert set(column(outcome, "error")) == {""}
     assert len(set(column(outcome, "distance"))) == 1

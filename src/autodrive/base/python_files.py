@@ -313,6 +313,7 @@ def _copy(path: Path, user: Path) -> Path:
     return path
 
 
+_PACKAGE = Path(__file__).parents[1]
 _STANDARD = tuple({Path(sysconfig.get_paths()[name]) for name in ("stdlib", "platstdlib")})
 
 
@@ -323,7 +324,8 @@ def _is_installed(path: Path) -> bool:
         not {"site-packages", "dist-packages"}.isdisjoint(path.parts)
         or any(path.is_relative_to(folder) for folder in _STANDARD)
         or path.suffix == ".zip"
-        or path.is_relative_to(Path(__file__).parents[1])
+        or path.is_relative_to(_PACKAGE)
+        or path == _PACKAGE.parent
     )
 
 

@@ -124,17 +124,22 @@ class Workplace:
 
     @contextlib.contextmanager
     def entered(self) -> Iterator[None]:
-        """In the block, this process imports the copies."""
-        before = [*sys.path]
+        """In the block, this process and those that it starts import the copies."""
+        before, variable = [*sys.path], os.environ.get("PYTHONPATH")
         inside = [path for path in self.paths if Path(path).is_relative_to(self.original)]
         copies = {path: str(self.root / os.path.relpath(path, self.original)) for path in inside}
         copies = {path: copy for path, copy in copies.items() if os.path.isdir(copy)}
         sys.path[:] = [copies.get(os.path.abspath(path), path) for path in dict.fromkeys([*before, *self.paths])]
+        if variable:
+            words = variable.split(os.pathsep)
+            os.environ["PYTHONPATH"] = os.pathsep.join(copies.get(os.path.abspath(word), word) for word in words)
         try:
             with copied(self.original, self.root):
                 yield
         finally:
             sys.path[:] = before
+            if variable:
+                os.environ["PYTHONPATH"] = variable
 
 
 class Snapshot:
