@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from pyarrow import parquet
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
-from autodrive.experiments.campaigns.campaign_files import CampaignFiles
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Snapshot
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runs import Progress
 from tests.support.command_line import call
@@ -182,6 +183,24 @@ def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_us
     (error,) = column(run_campaign(campaign, tmp_path / "wrong", workers=0), "error")
     assert f"'{home}/code/wrong.py.none'" in error
     assert error.endswith("(wrong.py, line 1)")
+
+
+def test_a_copy_has_the_rights_and_the_neighbours_of_its_original(tmp_path: Path) -> None:
+    """Also of a program, and in the folder of a campaign that has no code itself."""
+    for folder in ("campaign", "code"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "campaign" / "route.csv").write_text("1,2")
+    (tmp_path / "code" / "drive.sh").write_text("#!/bin/sh\n")
+    (tmp_path / "code" / "drive.sh").chmod(0o755)
+    campaign = loaded(tmp_path / "campaign", driver="../code/drive.sh {port}", metrics=["distance"])
+    snapshot = Snapshot(CampaignFiles.read(campaign))
+    folder = snapshot.workplace.campaign.folder
+    assert (folder / "route.csv").read_text() == "1,2"
+    assert os.access(folder / "../code/drive.sh", os.X_OK)
+    assert (folder / "../code/drive.sh").resolve() != (tmp_path / "code" / "drive.sh").resolve()
+    snapshot.close()
+    assert not folder.exists()
+    assert (tmp_path / "campaign" / "route.csv").is_file()
 
 
 def test_a_replay_says_that_the_code_is_another_one(tmp_path: Path) -> None:

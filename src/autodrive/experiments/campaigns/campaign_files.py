@@ -154,16 +154,14 @@ class Snapshot:
         self._files = files
         self._stack = contextlib.ExitStack()
         try:
-            self._folder = Path(
-                os.path.realpath(
-                    self._stack.enter_context(
-                        tempfile.TemporaryDirectory(prefix="autodrive-campaign-", ignore_cleanup_errors=True)
-                    )
-                )
-            )
+            folder = tempfile.TemporaryDirectory(prefix="autodrive-campaign-", ignore_cleanup_errors=True)
+            self._folder = Path(os.path.realpath(self._stack.enter_context(folder)))
             self.root = self._folder / files.root.relative_to(files.root.anchor)
             """The copy of the root of the files."""
             self.campaign = files.unpack(self.root)
+            for name in files.files:
+                with contextlib.suppress(FileNotFoundError):
+                    shutil.copymode(files.root / name, self.root / name)  # a script may be a program
             self._linked = self._link()
         except OSError as error:
             self._stack.close()
@@ -194,8 +192,8 @@ class Snapshot:
 
     def _folders(self) -> list[tuple[Path, Path]]:
         """The folders of the copies that are no links, and their originals."""
-        folders = {copy for path in self._copies for copy in path.parents if copy.is_relative_to(self._folder)}
         anchor = Path(self._files.root.anchor)
+        folders = self._copies - {self.root / name for name in self._files.files}
         return [(copy, anchor / copy.relative_to(self._folder)) for copy in sorted(folders)]
 
     def _link(self) -> set[Path]:
