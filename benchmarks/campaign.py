@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, LocalExecutor, run_campaign
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RunKeys
 from autodrive.experiments.campaigns.ray_executor import RayExecutor
 from autodrive.experiments.campaigns.report import report
@@ -164,7 +165,7 @@ def many_rows(folder: Path, count: int) -> None:
     numbers = np.random.default_rng(0).random((count, 3))
     assert one.design[0]  # all samples are drawn before memory is measured
     start, before = time.process_time(), resident(os.getpid())
-    table, keys = Table(folder / "rows", one), RunKeys(one)
+    table, keys = Table(folder / "rows", one), RunKeys(CampaignFiles.read(one))
     table.start()
     for number, (distance, collides, speed) in enumerate(numbers.tolist()):
         run = one.run(number)

@@ -52,17 +52,3 @@ def test_a_module_that_is_not_imported_does_not_count() -> None:
     paths = {path.relative_to(cache.PACKAGE).as_posix() for path in sources(cache.PACKAGE / "physics" / "tick.py")}
     assert {"physics/tick.py", "physics/actuators/drivetrain.py", "physics/model.py"} <= paths
     assert {path.partition("/")[0] for path in paths} == {"base", "physics", "protocol"}
-
-
-def test_a_file_of_a_user_depends_on_the_files_beside_it(tmp_path: Path) -> None:
-    texts = {
-        "driver": "import math; import route\n",
-        "route": "from pack.one import x  # \xe9\n",
-        "far": "",
-        "pack/one": "",
-    }
-    (tmp_path / "pack").mkdir()
-    for name, text in texts.items():
-        (tmp_path / f"{name}.py").write_text(text, encoding="latin-1")
-    found = {path.relative_to(tmp_path).as_posix() for path in sources(tmp_path / "driver.py", is_own=True)}
-    assert found == {"driver.py", "route.py", "pack/one.py"}

@@ -128,16 +128,15 @@ def cache_folder(kind: str, *packages: str, also: str = "") -> Path:
     return user_cache() / f"{kind}-{stamp.hexdigest()[:16]}"
 
 
-def sources(file: Path, *, is_own: bool = False) -> list[Path]:
+def sources(file: Path) -> list[Path]:
     """A Python file and all files of this package that it imports, directly or not. Raises `OSError`.
 
-    `is_own`: of a user; the files in its folder instead of those of this package.
+    `python_files.sources` has the files of a user.
     """
-    folder, start = (file.parent, "") if is_own else (PACKAGE.parent, "autodrive.")
     found, pending = {file}, [file]
     while pending:
         one = pending.pop()
-        new = _imported(one, one.stat().st_mtime_ns, folder, start) - found
+        new = _imported(one, one.stat().st_mtime_ns, PACKAGE.parent) - found
         found |= new
         pending += new
     return sorted(found)
@@ -147,13 +146,13 @@ _IMPORT = re.compile(r"(?:^|[;:])[ \t]*(?:import ([\w., ]+)|from ([\w.]+) import
 
 
 @functools.cache
-def _imported(file: Path, _modified: int, folder: Path, start: str) -> frozenset[Path]:
-    """The files in a folder that a file imports itself; `start`: of the names of their modules."""
+def _imported(file: Path, _modified: int, folder: Path) -> frozenset[Path]:
+    """The files of this package, which is in that folder, that a file imports itself."""
     names: set[str] = set()
     for modules, module, members in _IMPORT.findall(file.read_text(encoding="utf-8", errors="replace")):
         names |= set(re.findall(r"[\w.]+", modules)) | {module}
         names |= {f"{module}.{member}" for member in re.findall(r"\w+", members)}
-    paths = [folder.joinpath(*name.split(".")) for name in names if name.strip(".") and name.startswith(start)]
+    paths = [folder.joinpath(*name.split(".")) for name in names if name.startswith("autodrive.")]
     return frozenset(one for path in paths for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +10,7 @@ import typer
 import typer.core
 
 from autodrive.cli.narrated import repeated
-from autodrive.cli.options import Force, check_outputs
+from autodrive.cli.options import check_outputs
 
 if TYPE_CHECKING:
     from autodrive.experiments.campaigns.campaign import Campaign
@@ -71,36 +70,30 @@ def campaign(
     replay: Annotated[
         int | None, typer.Option(metavar="RUN", min=0, help="Run one run again, record it, and print its result.")
     ] = None,
-    force: Force = False,
+    force: Annotated[
+        bool, typer.Option("--force", "--overwrite", help="Replace results of another campaign, without a question.")
+    ] = False,
 ) -> None:
     """Run a scenario many times, with other parameters and seeds.
 
     Writes table.parquet, summary.json and report.html. Ctrl-C keeps the finished runs; the same command continues.
     """
     from autodrive.experiments.campaigns.campaign import Campaign
-    from autodrive.experiments.campaigns.runs import RESULT_FILES
+    from autodrive.experiments.campaigns.runs import RESULT_FILES, results_of_others
 
     loaded = Campaign.load(file)
     if replay is not None:
         _replay(loaded, replay, output, is_forced=force)
         return
     folder = output or Path(f"{loaded.name}_{'search' if falsify else 'results'}")
-    if falsify or not _is_continued(loaded, folder):
-        check_outputs(*(folder / name for name in RESULT_FILES), is_forced=force)
+    existing = [folder / name for name in RESULT_FILES] if falsify else results_of_others(loaded, folder)
+    check_outputs(*existing, is_forced=force)
     outcome = _run(loaded, workers, ray, folder, uses_cache=cache, trials=falsify)
     _print(loaded, outcome)
     if not outcome.is_complete:
         raise typer.Exit(130)
     if outcome.summary["counts"].get("error", 0) == outcome.summary["rows"] > 0:
         raise typer.Exit(1)
-
-
-def _is_continued(loaded: Campaign, folder: Path) -> bool:
-    """Whether the results in a folder are those of this campaign, also of an earlier version of its file."""
-    try:
-        return json.loads((folder / "summary.json").read_bytes())["campaign"] == loaded.name
-    except (OSError, ValueError, TypeError, KeyError):
-        return False
 
 
 def _run(
@@ -151,7 +144,13 @@ def _run(
         if trials is not None:
             return runs.run_search(loaded, trials, folder, executor or runs.local_executor(loaded, workers), Display())
         return runs.run_campaign(
-            loaded, folder, workers=workers, executor=executor, uses_cache=uses_cache, observer=Display()
+            loaded,
+            folder,
+            workers=workers,
+            executor=executor,
+            uses_cache=uses_cache,
+            overwrites=True,  # the command has asked
+            observer=Display(),
         )
 
 
@@ -182,21 +181,32 @@ def _replay(loaded: Campaign, number: int, output: Path | None, *, is_forced: bo
     from dataclasses import replace
 
     from autodrive.base.errors import AutodriveError
-    from autodrive.experiments.campaigns.runner import Runner
+    from autodrive.experiments.campaigns.executor import InProcessExecutor
+    from autodrive.experiments.campaigns.keys import RunKeys
     from autodrive.experiments.campaigns.runs import recording_name
     from autodrive.experiments.campaigns.table import Table
 
     folder = output or Path(f"{loaded.name}_results")
-    known = Table(folder, loaded).run(number)
+    table = Table(folder, loaded)
+    known = table.run(number)
     if known is None and number >= len(loaded):
         raise AutodriveError(f"the campaign has the runs 0 to {len(loaded) - 1}, not {number}")
     path = folder / "recordings" / recording_name(number)
     check_outputs(path, is_forced=is_forced)
     always = replace(loaded, spec=loaded.spec.model_copy(update={"record": "all"}))
-    run = replace(known or loaded.run(number), recording=str(path))
+    run = replace(known or loaded.run(number), recording=str(path.absolute()))
     for name, value in {"seed": run.seed, **run.values}.items():
         typer.echo(f"{name}: {value}")
-    result = Runner(always).run(run)
+    executor = InProcessExecutor(always)
+    if (key := table.key(number)) and key != RunKeys(executor.files).of(run):
+        typer.echo(
+            "autodrive: the code, a file, the scenario or the simulator has changed since the table was written: the "
+            "result may differ",
+            err=True,
+        )
+    executor.submit(run)
+    (result,) = executor.results()
+    executor.cancel()
     typer.echo(f"end: {result.error or result.end} at {result.time:g} s")
     for name, metric in result.metrics.items():
         typer.echo(f"{name}: {metric:.6g}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,6 +57,7 @@ TICK = 0.025
 """Time between Frames [s]: the period of a LIDAR of 40 Hz."""
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
+EDITED = "Its files were edited during the race: the digest is that of the start"
 ALLOWED = (
     *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
     *(SetCamera, ViewSensor, DescribeVehicle, DescribeWeather),
@@ -268,7 +269,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             wall_time=time.monotonic() - started,
             ended_by=stop.reason or "all vehicles",
             standings=recorder.standings(options.team_names),
-            notes=grid.notes,
+            notes=_notes(grid, digests, options),
             recording=str(options.record or ""),
             digests=digests,
         )
@@ -388,11 +389,25 @@ def _grid(
     return Grid(simulation, rules, seats, options.is_lockstep, bridges)
 
 
+def _notes(grid: Grid, digests: Mapping[str, str], options: RaceOptions) -> dict[str, str]:
+    """What is to be known about the scripts, by vehicle; `digests`: those of the start."""
+    edited = [name for name, now in _script_digests(options).items() if now != digests[name]]
+    return {
+        name: ". ".join(filter(None, (grid.notes.get(name), EDITED if name in edited else "")))
+        for name in options.names
+        if name in grid.notes or name in edited
+    }
+
+
 def _digests(options: RaceOptions) -> dict[str, str]:
     """SHA-256 of the files of the track, of the rules, and of the scripts that the race has started, by vehicle."""
     files = {"track": find("track", options.track), "rules": find("ruleset", options.rules)}
-    scripts = zip(options.names[len(options.devkits) :], options.scripts, strict=True)
     return {
         **{name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()},
-        **{name: digest(command, Path.cwd()) for name, command in scripts},
+        **_script_digests(options),
     }
+
+
+def _script_digests(options: RaceOptions) -> dict[str, str]:
+    names = options.names[len(options.devkits) :]
+    return {name: digest(command, Path.cwd()) for name, command in zip(names, options.scripts, strict=True)}

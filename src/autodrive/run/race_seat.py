@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 MIN_COMMANDS, MIN_TICKS = 10, 3
 """A script seems to answer before its driver has a new command if most of so many commands in a row have driven so
 many ticks."""
+REPEATS = (
+    "Most of its commands drove {:g} ticks: the script seems to answer before its driver has a new command, and the "
+    "result depends on the machine"
+)
 
 
 class Seat(OneVehicle):
@@ -70,7 +74,7 @@ class Seat(OneVehicle):
         self._ticks = 1
         if len(self._ticks_of_commands) == MIN_COMMANDS and not self.repeats:
             ticks = statistics.median(self._ticks_of_commands)
-            self.repeats = f"most of its commands drove {ticks:g} ticks" if ticks >= MIN_TICKS else ""
+            self.repeats = REPEATS.format(ticks) if ticks >= MIN_TICKS else ""
 
     @property
     def end(self) -> str:

@@ -12,6 +12,7 @@ from typing import IO
 
 from autodrive.base.child_process import Group, environment
 from autodrive.base.errors import AutodriveError
+from autodrive.base.python_files import sources
 
 _running: set[ScriptProcess] = set()
 
@@ -58,6 +59,7 @@ def close_all() -> None:
 
 
 def digest(command: str, folder: Path) -> str:
-    """SHA-256 of the files that a command line names."""
+    """SHA-256 of the files that a command line names, and of the user's modules that they import."""
     files = [folder / word for word in shlex.split(command) if (folder / word).is_file()]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    modules = {one for file in files if file.suffix == ".py" for one in sources(file)} - {*map(Path.absolute, files)}
+    return hashlib.sha256(b"".join(path.read_bytes() for path in (*files, *sorted(modules)))).hexdigest()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 from collections import deque
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Snapshot
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.worker import Worker
 
@@ -20,6 +22,11 @@ class Executor(Protocol):
     @property
     def size(self) -> int:
         """Runs at a time."""
+        ...
+
+    @property
+    def files(self) -> CampaignFiles:
+        """The files that all runs read, whatever has become of them."""
         ...
 
     def submit(self, run: Run) -> None:
@@ -40,8 +47,16 @@ class InProcessExecutor:
 
     size = 1
 
-    def __init__(self, campaign: Campaign) -> None:
-        self._runner = Runner(campaign)
+    def __init__(self, campaign: Campaign, files: CampaignFiles | None = None) -> None:
+        """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
+        self.files = files or CampaignFiles.read(campaign)
+        """What the runs read."""
+        self._snapshot = Snapshot(self.files)
+        self._stack = contextlib.ExitStack()
+        self._stack.callback(self._snapshot.close)
+        self._stack.enter_context(self._snapshot.workplace.entered())
+        self._runner = Runner(self._snapshot.workplace.campaign)
+        self._stack.callback(self._runner.close)
         self._runs: deque[Run] = deque()
 
     def submit(self, run: Run) -> None:
@@ -51,19 +66,25 @@ class InProcessExecutor:
     def results(self) -> Iterator[Result]:
         """Results in the order of the runs."""
         while self._runs:
-            yield self._runner.run(self._runs.popleft())
+            with contextlib.chdir(self._snapshot.workplace.directory):
+                result = self._runner.run(self._runs.popleft())
+            yield self._snapshot.named(result)
 
     def cancel(self) -> None:
-        """Release the worlds."""
-        self._runner.close()
+        """Release the worlds and the copies of the files."""
+        self._stack.close()
 
 
 class LocalExecutor:
     """Worker processes on this machine, which keep their compiled worlds."""
 
-    def __init__(self, campaign: Campaign, workers: int) -> None:
+    def __init__(self, campaign: Campaign, workers: int, files: CampaignFiles | None = None) -> None:
+        """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
         campaign = replace(campaign)  # without what it has computed, which the workers would receive
-        self.workers = [Worker(campaign) for _ in range(workers)]
+        self.files = files or CampaignFiles.read(campaign)
+        """What the runs read."""
+        self._snapshot = Snapshot(self.files)
+        self.workers = [Worker(self._snapshot.workplace) for _ in range(workers)]
         self.size = workers
         """Number of worker processes."""
         self._idle = queue.SimpleQueue[Worker]()
@@ -87,10 +108,11 @@ class LocalExecutor:
         self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self.workers:
             worker.close()
+        self._snapshot.close()
 
     def _run(self, run: Run) -> Result:
         worker = self._idle.get()
         try:
-            return worker.run(run)
+            return self._snapshot.named(worker.run(run))
         finally:
             self._idle.put(worker)

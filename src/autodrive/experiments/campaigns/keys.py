@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -11,11 +12,11 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-from autodrive.base.cache import PACKAGE, cache_folder, sources
-from autodrive.base.python_files import FUNCTION
+from autodrive.base.cache import PACKAGE, cache_folder
 from autodrive.base.version import __version__
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Run
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.scenario.files import files_of
 
@@ -23,6 +24,8 @@ log = logging.getLogger(__name__)
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
+WAIT = 10.0
+"""Longest wait for another process that writes rows [s]."""
 KEPT = ("metrics", "end", "time", "digest")
 """Of a result."""
 
@@ -30,13 +33,17 @@ KEPT = ("metrics", "end", "time", "digest")
 class RunKeys:
     """The keys of the runs of a campaign."""
 
-    def __init__(self, campaign: Campaign) -> None:
+    def __init__(self, files: CampaignFiles) -> None:
+        """Of the campaign with these files, whatever they become."""
+        campaign, folder = files.campaign, files.campaign.folder.relative_to(files.root)
         spec = campaign.spec
+        contents = sorted((os.path.relpath(name, folder), content) for name, content in files.files.items())
         self._campaign = campaign
         self._base = _hash(
             *versions(),
             campaign.scenario.model_dump_json(),
-            *(f"{file.name}\n{file.read_bytes().hex()}" for file in sorted(own_files(campaign))),
+            *(f"{Path(name).name}\n{content.hex()}" for name, content in contents),
+            campaign.policy.read_bytes().hex() if campaign.policy and campaign.policy.is_relative_to(PACKAGE) else "",
             *(spec.driver, spec.stop.model_dump_json(), json.dumps(spec.metrics), campaign.vehicle, str(spec.cameras)),
         )
         self._files: dict[str, str] = {}
@@ -54,53 +61,49 @@ class RunKeys:
 class RowCache:
     """Results of all campaigns of this user, by key.
 
-    If no file can be written, those of this process only, with a warning.
+    If the file cannot be read or written, also later, those of this process only, with one warning.
     """
 
+    TABLE = "CREATE TABLE IF NOT EXISTS rows (key TEXT PRIMARY KEY, row TEXT) WITHOUT ROWID"
+
     def __init__(self, path: Path | None = None) -> None:
-        path = path or ROWS
+        self._path = path or ROWS
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._rows = sqlite3.connect(path, timeout=60.0)
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._rows = sqlite3.connect(self._path, timeout=WAIT)
             self._rows.execute("PRAGMA journal_mode=WAL")
-        except (OSError, sqlite3.OperationalError) as error:
-            log.warning("results are not kept for other campaigns: %s  (%s)", error, path)
-            self._rows = sqlite3.connect(":memory:")
-        self._rows.execute("CREATE TABLE IF NOT EXISTS rows (key TEXT PRIMARY KEY, row TEXT) WITHOUT ROWID")
+            self._rows.execute(self.TABLE)
+        except (OSError, sqlite3.Error) as error:
+            self._give_up(error)
 
     def get(self, key: str, number: int) -> Result | None:
         """The result of the run with that key; None if it is not known."""
-        found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
-        if found is None:
+        try:
+            found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
+            return None if found is None else Result(number, **json.loads(found[0]))
+        except (sqlite3.Error, ValueError, TypeError) as error:
+            self._give_up(error)
             return None
-        return Result(number, **json.loads(found[0]))
 
     def add(self, rows: Iterable[tuple[str, Result]]) -> None:
         """Keep results; those with an error are not kept."""
-        with self._rows:
-            self._rows.executemany(
-                "INSERT OR REPLACE INTO rows VALUES (?, ?)",
-                [(key, json.dumps({name: getattr(one, name) for name in KEPT})) for key, one in rows if not one.error],
-            )
+        texts = [(key, json.dumps({name: getattr(one, name) for name in KEPT})) for key, one in rows if not one.error]
+        try:
+            with self._rows:
+                self._rows.executemany("INSERT OR REPLACE INTO rows VALUES (?, ?)", texts)
+        except sqlite3.Error as error:
+            self._give_up(error)
 
     def close(self) -> None:
         """Close the file."""
-        self._rows.close()
+        with contextlib.suppress(sqlite3.Error):
+            self._rows.close()
 
-
-def own_files(campaign: Campaign) -> set[Path]:
-    """Files of the user that decide results: `files`, and those of driver, metrics and sensors with their modules."""
-    spec, folder = campaign.spec, campaign.folder
-    names = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
-    if policy := campaign.policy:
-        names.append(os.path.relpath(policy, folder))
-    elif not FUNCTION.fullmatch(spec.driver):
-        names += [word for word in spec.driver.split() if (folder / word).is_file()]
-    names += [
-        path.rpartition(":")[0] for one in campaign.scenario.vehicles.values() for path in one.own_sensors.values()
-    ]
-    files = {folder / name for name in (*spec.files, *names)}
-    return files | {one for name in names if name.endswith(".py") for one in sources(folder / name, is_own=True)}
+    def _give_up(self, error: Exception) -> None:
+        """Go on without the file."""
+        log.warning("results are not kept for other campaigns: %s  (%s)", error, self._path)
+        self._rows = sqlite3.connect(":memory:")
+        self._rows.execute(self.TABLE)
 
 
 def versions() -> tuple[str, ...]:

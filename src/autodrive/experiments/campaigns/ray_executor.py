@@ -17,7 +17,7 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.campaign_files import CampaignFiles
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Workplace
 from autodrive.experiments.campaigns.keys import versions
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.experiments.campaigns.worker import Worker
@@ -37,8 +37,9 @@ class Remote:
         """Unpack the campaign; the versions here of what decides a result."""
         self._folder = tempfile.TemporaryDirectory(prefix="autodrive-campaign-")
         target = Path(self._folder.name)
-        self._worker = Worker(files.unpack(target))
-        os.chdir(target / files.directory)  # an actor has its process alone; the worker process inherits it
+        directory = target / files.directory
+        self._worker = Worker(Workplace(files.unpack(target), directory, target, files.root, files.paths))
+        os.chdir(directory)  # an actor has its process alone
         return versions()
 
     def run(self, run: Run) -> tuple[Result, bytes]:
@@ -69,11 +70,12 @@ class RayExecutor:
         except ModuleNotFoundError:
             raise AutodriveError(missing("ray", "ray")) from None
         self._ray: Any = ray
-        files = CampaignFiles.pack(campaign)
+        self.files = CampaignFiles.pack(campaign)
+        """What the runs read."""
         self._is_own = not ray.is_initialized()
         if self._is_own:
             self._connect(address)
-        self._files = ray.put(files)
+        self._files = ray.put(self.files)
         self._actor: Any = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Remote)
         self._versions = versions()
         self._runs: deque[Run] = deque()

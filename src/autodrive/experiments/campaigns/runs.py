@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import logging
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.child_process import cpu_count
-from autodrive.base.texts import with_encodable_texts
+from autodrive.base.errors import AutodriveError
+from autodrive.base.texts import encodable, with_encodable_texts
 from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runner import Result
@@ -18,6 +22,8 @@ from autodrive.experiments.campaigns.table import Table, locked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+log = logging.getLogger(__name__)
 
 AHEAD = 2
 """Runs that wait for each process, so that none is idle."""
@@ -72,6 +78,8 @@ class Outcome:
 
 RESULT_FILES = ("table.parquet", "summary.json", "report.html")
 """Of a campaign, in its folder, once it has ended."""
+OWNER = ".campaign"
+"""File in the folder of the results: path of the campaign's file from there."""
 
 
 def run_campaign(
@@ -82,22 +90,32 @@ def run_campaign(
     executor: Executor | None = None,
     cache: RowCache | None = None,
     uses_cache: bool = True,
+    overwrites: bool = False,
     observer: CampaignObserver | None = None,
 ) -> Outcome:
     """Run a campaign into a folder (NAME_results if left out); runs that this folder or the cache has are not repeated.
 
     `executor`: where the runs run; None: `workers` processes of this machine (as many as it has processors; 0: in this
-    process). Ctrl-C ends it: what is done is kept, and the outcome is not complete. Raises `AutodriveError`.
+    process). All runs use driver, metrics and files as they are now. `overwrites`: results of another campaign in the
+    folder are replaced. Ctrl-C ends it: what is done is kept, and the outcome is not complete. Raises `AutodriveError`.
     """
     folder = Path(output or f"{campaign.name}_results")
     make_folder(folder)
     with locked(folder):
+        if (others := results_of_others(campaign, folder)) and not overwrites:
+            raise AutodriveError(
+                f"the folder has the results of another campaign: choose another one, or overwrite them  ({others[0]})"
+            )
         table = Table(folder, campaign)
         cache = (cache or RowCache()) if uses_cache else None
         observer, progress = observer or CampaignObserver(), Progress(len(campaign))
         batch: list[tuple[str, Result]] = []
         earlier = table.start()
-        keys, key_of = RunKeys(campaign), dict[int, tuple[Run, str]]()
+        files = executor.files if executor else CampaignFiles.read(campaign)
+        write_file(folder / OWNER, _owner(campaign, folder))
+        if (places := files.opaque) and uses_cache:
+            log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)
+        keys, key_of = RunKeys(files), dict[int, tuple[Run, str]]()
         numbers = iter(range(len(campaign)))
 
         def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
@@ -147,7 +165,7 @@ def run_campaign(
         try:
             first = next(runs, None)
             if first is not None:
-                executor = executor or local_executor(campaign, workers)
+                executor = executor or local_executor(campaign, workers, files)
                 executor.submit(first)
                 _feed(executor, runs, AHEAD * executor.size - 1)
                 for result in executor.results():
@@ -181,7 +199,8 @@ def run_search(
     folder = Path(output or f"{campaign.name}_search")
     make_folder(folder)
     with locked(folder):
-        table, keys = Table(folder, campaign), RunKeys(campaign)
+        write_file(folder / OWNER, "search")
+        table, keys = Table(folder, campaign), RunKeys(executor.files)
         table.start()
         observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
         try:
@@ -194,15 +213,45 @@ def run_search(
         return _finish(campaign, folder, table, is_complete)
 
 
-def local_executor(campaign: Campaign, workers: int | None) -> Executor:
-    """Worker processes: as many as there are processors by default; with 0 in this process."""
+def local_executor(campaign: Campaign, workers: int | None, files: CampaignFiles | None = None) -> Executor:
+    """Worker processes: as many as there are processors by default; with 0 in this process.
+
+    `files`: those of the campaign; None: as they are now. Raises `AutodriveError`.
+    """
     workers = cpu_count() if workers is None else workers
-    return LocalExecutor(campaign, workers) if workers else InProcessExecutor(campaign)
+    return LocalExecutor(campaign, workers, files) if workers else InProcessExecutor(campaign, files)
 
 
 def recording_name(number: int) -> str:
     """File of the recording of a run."""
     return f"run_{number:06d}.mcap"
+
+
+def results_of_others(campaign: Campaign, folder: Path) -> list[Path]:
+    """The files in a folder that are results of a search or of another campaign; empty if this one continues them."""
+    files = [
+        *(folder / name for name in RESULT_FILES),
+        *folder.glob("parts/*.parquet"),
+        *folder.glob("earlier/*.parquet"),
+    ]
+    try:
+        is_own = (folder / OWNER).read_text(encoding="utf-8") == _owner(campaign, folder)
+    except (OSError, ValueError):
+        try:  # an earlier version has written them
+            is_own = json.loads((folder / "summary.json").read_bytes())["campaign"] == campaign.name
+        except FileNotFoundError:
+            is_own = True
+        except (OSError, ValueError, TypeError, KeyError):
+            is_own = False
+    return [] if is_own else [file for file in files if file.is_file()]
+
+
+def _owner(campaign: Campaign, folder: Path) -> str:
+    """The path of a campaign's file from the folder of its results."""
+    try:
+        return encodable(os.path.relpath(campaign.path or campaign.name, folder))
+    except ValueError:  # on another drive
+        return encodable(os.path.abspath(campaign.path or campaign.name))
 
 
 def _feed(executor: Executor, runs: Iterator[Run], count: int) -> None:

@@ -65,6 +65,10 @@ class Table:
                 values[path] = json.loads(row[path])
         return Run(number, row["sample"], row["seed"], values)
 
+    def key(self, number: int) -> str:
+        """The key of the run of that number; empty if it is not there."""
+        return (self._stored().get(number) or {}).get("key", "")
+
     def start(self) -> Stored:
         """Begin with an empty table. Returns the rows of earlier, also broken, campaigns in this folder.
 

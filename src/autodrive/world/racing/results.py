@@ -108,8 +108,7 @@ class RaceResult:
         """The content of result.md."""
         pace = "lock-step" if self.is_lockstep else "real time"
         head = f"# {self.title}: {self.track}\n\nTrack of {self.length:.1f} m; {pace}; seed {self.seed}.\n\n"
-        meaning = "The script seems to answer before its driver has a new command: the result depends on the machine."
-        notes = "".join(f"\n{vehicle}: {note}. {meaning}\n" for vehicle, note in self.notes.items())
+        notes = "".join(f"\n{vehicle}: {note}.\n" for vehicle, note in self.notes.items())
         return head + _table(COLUMNS, [standing.row for standing in self.standings]) + notes
 
     def laps_csv(self) -> str:

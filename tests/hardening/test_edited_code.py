@@ -1,0 +1,277 @@
+"""Code that is edited, moved or has a name twice: each campaign runs one version of it, which its keys name."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pyarrow import parquet
+
+from autodrive.base.errors import AutodriveError
+from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Snapshot
+from autodrive.experiments.campaigns.keys import RowCache, RunKeys
+from autodrive.experiments.campaigns.runs import Progress
+from tests.support.command_line import call
+from tests.support.hardening import fill, make_read_only, small_disk
+
+DRIVER = """
+from autodrive import Command
+
+
+class Driver:
+    def reset(self, scene): pass
+    def act(self, frame): return Command(0.2)
+
+
+def score(frames): return {score}
+"""
+SHORT = {"scenario": "plane", "driver": "driver.py:Driver", "seeds": 24, "stop": {"time": 0.1}}
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.experiments.campaigns.keys.ROWS", tmp_path / "cache" / "rows.sqlite")
+
+
+def driver(score: str, imports: str = "") -> str:
+    return imports + DRIVER.format(score=score)
+
+
+def loaded(folder: Path, **changes: Any) -> Campaign:
+    path = folder / "short.yaml"
+    path.write_text(yaml.safe_dump({**SHORT, "metrics": ["driver.py:score"], **changes}))
+    return Campaign.load(path)
+
+
+def column(outcome: Outcome, name: str) -> list[Any]:
+    return parquet.read_table(outcome.table).column(name).to_pylist()
+
+
+class After(CampaignObserver):
+    """Calls a function after some rows, and counts the rows that are not new."""
+
+    reused = 0
+
+    def __init__(self, act: Callable[[], object] = lambda: None, *, rows: int = 4) -> None:
+        self._act, self._rows = act, rows
+
+    def progress(self, progress: Progress) -> None:
+        self.reused = progress.reused
+        if progress.done == self._rows:
+            self._act()
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.process)])
+def test_a_driver_that_is_edited_during_its_campaign_drives_as_at_the_start(
+    tmp_path: Path, workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, data = tmp_path / "driver.py", tmp_path / "gain.txt"
+    file.write_text(driver("float(open('gain.txt').read()) + 2"))
+    data.write_text("1")
+
+    def edit() -> None:
+        file.write_text(driver("float(open('gain.txt').read()) + 7"))
+        data.write_text("5")
+
+    monkeypatch.chdir(tmp_path)
+    first = run_campaign(loaded(tmp_path, files=["gain.txt"]), tmp_path / "a", workers=workers, observer=After(edit))
+    assert column(first, "score") == [3.0] * 24
+    edited = run_campaign(loaded(tmp_path, files=["gain.txt"]), tmp_path / "b", workers=0)
+    assert column(edited, "score") == [12.0] * 24
+    file.write_text(driver("float(open('gain.txt').read()) + 2"))
+    data.write_text("1")
+    again = After()
+    restored = run_campaign(loaded(tmp_path, files=["gain.txt"]), tmp_path / "c", workers=0, observer=again)
+    assert column(restored, "score") == [3.0] * 24
+    assert again.reused == 24
+
+
+SCRIPT = """
+import sys
+import far
+import gain
+from autodrive.devkit import Nigel, drive
+car = Nigel("V1")
+car.throttle_command, car.steering_command = far.FACTOR * gain.THROTTLE, 0.0
+drive(lambda: None, car, port=int(sys.argv[1]))
+"""
+
+
+@pytest.mark.process
+def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One beside it, and one in a folder of PYTHONPATH, which is in `sys.path`."""
+    (tmp_path / "lib").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "lib"))
+    monkeypatch.syspath_prepend(tmp_path / "lib")
+    (tmp_path / "script.py").write_text(SCRIPT)
+    modules = {tmp_path / "gain.py": "THROTTLE = {}\n", tmp_path / "lib" / "far.py": "FACTOR = {}\n"}
+
+    def write(value: float) -> None:
+        for file, text in modules.items():
+            file.write_text(text.format(value))
+
+    write(0.5)
+    one = loaded(tmp_path, driver="python script.py {port}", metrics=["distance"], seeds=2)
+    edit = After(lambda: write(1.0), rows=1)
+    outcome = run_campaign(one, tmp_path / "out", workers=0, observer=edit)
+    assert set(column(outcome, "error")) == {""}
+    assert len(set(column(outcome, "distance"))) == 1
+
+
+def test_a_helper_that_is_edited_in_one_process_is_read_again(tmp_path: Path) -> None:
+    (tmp_path / "driver.py").write_text(driver("helper.gain()", "import helper\n"))
+    scores, again = list[set[float]](), After()
+    for number, gain in enumerate((1.0, 9.0, 5.0, 1.0)):  # of one length, within one second
+        (tmp_path / "helper.py").write_text(f"def gain(): return {gain}\n")
+        again = After()
+        outcome = run_campaign(loaded(tmp_path), tmp_path / str(number), workers=0, observer=again)
+        scores.append(set(column(outcome, "score")))
+    assert scores == [{1.0}, {9.0}, {5.0}, {1.0}]
+    assert again.reused == 24
+
+
+def test_two_helpers_of_one_name_are_two_modules(tmp_path: Path) -> None:
+    for folder, value in (("a", 0.3), ("b", 1000.0)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "utils.py").write_text(f"value = {value}\n")
+        (tmp_path / folder / "late.py").write_text(f"value = {2 * value}\n")
+    (tmp_path / "a" / "drive.py").write_text(driver("1", "import utils\nassert utils.value == 0.3\n"))
+    ways = {
+        "plain": "import utils\ndef plain(frames): return utils.value\n",
+        "member": "from utils import value\ndef member(frames): return value\n",
+        "by_name": "import importlib\ndef by_name(frames): return importlib.import_module('utils').value\n",
+        "late": "def late(frames):\n    import late\n    return late.value\n",
+    }
+    for name, text in ways.items():
+        (tmp_path / "b" / f"{name}_metric.py").write_text(text)
+    (tmp_path / "a" / "late_metric.py").write_text(ways["late"].replace("def late", "def early"))
+    metrics = [*(f"b/{name}_metric.py:{name}" for name in ways), "a/late_metric.py:early"]
+    outcome = run_campaign(loaded(tmp_path, driver="a/drive.py:Driver", metrics=metrics), tmp_path / "out", workers=0)
+    found = {name: set(column(outcome, name)) for name in (*ways, "early")}
+    assert found == {"plain": {1000.0}, "member": {1000.0}, "by_name": {1000.0}, "late": {2000.0}, "early": {0.6}}
+
+
+def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_user(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It need not be named in `files`; errors name the file of the user."""
+    home = tmp_path / "home"
+    (home / "code").mkdir(parents=True)
+    (home / "gain.txt").write_text("4")
+    (home / "old.log").write_text("")
+    text = "from pathlib import Path\nHERE = Path(__file__).parent\nexec('NAME = 3')\n"
+    text += "GAIN = float((HERE.parent / 'gain.txt').read_text())\n"
+    score = "(HERE / 'new.log').write_text('new'), (HERE.parent / 'old.log').write_text('old'), GAIN)[2]"
+    (home / "code" / "driver.py").write_text(driver(f"({score}", text))
+    (home / "code" / "wrong.py").write_text("def wrong(frames): open(__file__ + '.none')\n")
+    campaign = loaded(home, driver=f"{home}/code/driver.py:Driver", metrics=["code/driver.py:score"])
+    assert set(column(run_campaign(campaign, tmp_path / "out", workers=0), "score")) == {4.0}
+    assert "name its files in 'files'  (driver.py, line 3: exec)" in caplog.text
+    assert (home / "code" / "new.log").read_text() == "new"
+    assert (home / "old.log").read_text() == "old"
+    assert not list(home.rglob("__pycache__"))
+    campaign = loaded(home, driver="code/driver.py:Driver", metrics=["code/wrong.py:wrong"], seeds=1)
+    (error,) = column(run_campaign(campaign, tmp_path / "wrong", workers=0), "error")
+    assert f"'{home}/code/wrong.py.none'" in error
+    assert error.endswith("(wrong.py, line 1)")
+
+
+def test_a_copy_has_the_rights_and_the_neighbours_of_its_original(tmp_path: Path) -> None:
+    """Also of a program, and in the folder of a campaign that has no code itself."""
+    for folder in ("campaign", "code"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "campaign" / "route.csv").write_text("1,2")
+    (tmp_path / "code" / "drive.sh").write_text("#!/bin/sh\n")
+    (tmp_path / "code" / "drive.sh").chmod(0o755)
+    campaign = loaded(tmp_path / "campaign", driver="../code/drive.sh {port}", metrics=["distance"])
+    snapshot = Snapshot(CampaignFiles.read(campaign))
+    folder = snapshot.workplace.campaign.folder
+    assert (folder / "route.csv").read_text() == "1,2"
+    assert os.access(folder / "../code/drive.sh", os.X_OK)
+    assert (folder / "../code/drive.sh").resolve() != (tmp_path / "code" / "drive.sh").resolve()
+    snapshot.close()
+    assert not folder.exists()
+    assert (tmp_path / "campaign" / "route.csv").is_file()
+
+
+def test_a_replay_says_that_the_code_is_another_one(tmp_path: Path) -> None:
+    (tmp_path / "driver.py").write_text(driver("helper.gain", "import helper\n"))
+    (tmp_path / "helper.py").write_text("gain = 1.0\n")
+    campaign = loaded(tmp_path, seeds=2)
+    run_campaign(campaign, tmp_path / "out", workers=0)
+    command = ["campaign", str(campaign.path), "--replay", "1", "--output", tmp_path / "out", "--force"]
+    same = call(*command)
+    assert "score: 1\n" in same.stdout
+    assert "has changed" not in same.stderr
+    (tmp_path / "helper.py").write_text("gain = 2.0\n")
+    other = call(*command)
+    assert "score: 2\n" in other.stdout
+    assert "code, a file, the scenario or the simulator has changed since the table was written" in other.stderr
+
+
+def test_results_of_another_campaign_are_replaced_only_if_that_is_said(tmp_path: Path) -> None:
+    """Also of one whose file has the same name, and of one that was killed before it had a table."""
+    campaigns = []
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "driver.py").write_text(driver("1"))
+        campaigns.append(loaded(tmp_path / folder, seeds=2))
+    one, two = campaigns
+    table = run_campaign(one, tmp_path / "out", workers=0).table
+    before = table.read_bytes()
+    assert run_campaign(one, tmp_path / "out", workers=0).table.read_bytes() == before
+    with pytest.raises(AutodriveError, match="the results of another campaign"):
+        run_campaign(two, tmp_path / "out", workers=0)
+    assert table.read_bytes() == before
+    (tmp_path / "out" / "parts").mkdir()
+    table.replace(tmp_path / "out" / "parts" / "000001.parquet")
+    (tmp_path / "out" / "summary.json").unlink()
+    (tmp_path / "out" / "report.html").unlink()
+    command = ["campaign", str(two.path), "--workers", "0", "--output", tmp_path / "out"]
+    refused = call(*command)
+    assert refused.returncode == 2
+    assert "replace it with --force" in refused.stderr
+    assert call(*command, "--overwrite").returncode == 0
+    assert len(column(run_campaign(two, tmp_path / "out", workers=0), "run")) == 2
+
+
+@pytest.mark.parametrize("harm", ["garbage", "locked", "other table", "wrong row", "folder", "read-only", "full"])
+def test_a_cache_that_cannot_be_used_is_one_warning(
+    tmp_path: Path, harm: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("autodrive.experiments.campaigns.keys.WAIT", 0.01, raising=False)
+    (tmp_path / "driver.py").write_text(driver("1"))
+    campaign = loaded(tmp_path, seeds=4)
+    with contextlib.ExitStack() as stack:
+        is_disk = harm in ("read-only", "full")
+        folder = stack.enter_context(small_disk(tmp_path)) if is_disk else tmp_path
+        file = folder / "rows.sqlite"
+        if harm in ("wrong row", "full"):
+            RowCache(file).close()
+        if harm == "folder":
+            file.mkdir()
+        elif harm == "garbage":
+            file.write_bytes(b"no database " * 1000)
+        elif harm == "read-only":
+            make_read_only(folder)
+        elif harm == "full":
+            fill(folder / "rest")
+        else:
+            other = stack.enter_context(contextlib.closing(sqlite3.connect(file, isolation_level=None)))
+            if harm == "wrong row":
+                key = RunKeys(CampaignFiles.read(campaign)).of(campaign.run(0))
+                other.execute("INSERT INTO rows VALUES (?, ?)", (key, '{"wrong": 1}'))
+            else:
+                other.execute("CREATE TABLE rows (other)" if harm == "other table" else "BEGIN EXCLUSIVE")
+        cache = RowCache(file)
+        assert len(column(run_campaign(campaign, tmp_path / "out", workers=0, cache=cache), "run")) == 4
+    assert caplog.text.count("results are not kept for other campaigns") == 1
