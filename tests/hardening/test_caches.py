@@ -321,8 +321,10 @@ def test_processes_that_need_the_same_code_at_once_compile_it_once(tmp_path: Pat
             for _ in range(cases(3, 8))
         ]
         for process in processes:
+            assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
         for process in processes:
+            assert process.stdin is not None
             process.stdin.write("\n")
             process.stdin.flush()
         compiled = [process.communicate()[0].split() for process in processes]

@@ -121,6 +121,8 @@ OTHERS = {
     "experiments/identification/windows.py": {"write_text"},
     "experiments/policies/policy.py": {"savez"},  # into memory
     "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
+    "base/turns.py": {"open"},  # a lock, without which both make the file
+    "connect/client/last_run.py": {"write_bytes"},  # a note, without which clients need the address
     "cli/compiled.py": {"write_text"},  # into the folder of a wheel that is built
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null, like the next one

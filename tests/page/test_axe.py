@@ -82,7 +82,7 @@ def test_a_lost_server_is_named_in_a_whole_sentence_and_what_is_shown_is_marked_
     plane: PageServer, new_tab: NewTab, axe: str
 ) -> None:
     with plane.with_token("open-sesame-0123") as server:
-        tab = new_tab(size=(1280, 720), expects="WebSocket").open(f"{server.url}&quality=low#hud=1")
+        tab = new_tab(size=(1280, 720), expects="/ws?").open(f"{server.url}&quality=low#hud=1")
         tab.wait_until(lambda: tab.get("hud").count() == 1)
         tab.wait_for_image()  # the scene is loaded
     tab.wait_until(lambda: tab.get("banner").is_visible())

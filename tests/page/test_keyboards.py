@@ -51,7 +51,7 @@ def test_the_key_that_a_tooltip_names_does_what_it_says(plane: PageServer, new_t
         layout = dict(zip(CODES, "".join(rows), strict=True))
         tab.page.evaluate("(layout) => { window.layout = layout; window.dispatchEvent(new Event('focus')) }", layout)
         tab.wait_until(
-            lambda layout=layout: f"({layout['KeyM'].upper()})" in tab.get("menu-button").get_attribute("title")
+            lambda layout=layout: f"({layout['KeyM'].upper()})" in (tab.get("menu-button").get_attribute("title") or "")
         )
         codes = {cap.upper(): code for code, cap in layout.items()}
         tried = []

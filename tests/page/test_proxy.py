@@ -51,7 +51,7 @@ def nginx(plane: PageServer, tmp_path: Path) -> Iterator[Nginx]:
             configuration = tmp_path / "nginx.conf"
             location = location.replace("8730", str(plane.server.port))
             configuration.write_text(CONFIGURATION.format(folder=tmp_path, port=port, location=location))
-            process = subprocess.Popen([NGINX, "-e", tmp_path / "error.log", "-c", configuration])
+            process = subprocess.Popen([str(NGINX), "-e", str(tmp_path / "error.log"), "-c", str(configuration)])
             stack.callback(process.wait)
             stack.callback(process.terminate)
             wait_until((tmp_path / "nginx.pid").exists)

@@ -45,15 +45,19 @@ export function capOf(code: string): string {
 }
 
 const KEY = /\{((?:Key|Digit|Arrow|Numpad|F1)\w*|Escape|Backspace)\}/g
+/** Keys in a row. */
+const KEYS = new RegExp(`${KEY.source}( ${KEY.source})*`, 'g')
 
 /** Whether a text names keys: 'Build ({KeyZ})'. */
 export function namesKeys(text: string): boolean {
   return text.search(KEY) >= 0
 }
 
-/** A text with the caps of the keys that it names. In a sentence, a key whose cap is not known is 'Z by position'. */
+/** A text with the caps of the keys that it names. In a sentence, keys whose caps are not known are 'W A by position'. */
 export function keyText(text: string): string {
-  return text.replace(KEY, (name: string, code: string) =>
-    name === text || !code.startsWith('Key') || knownCaps.value.has(code) ? capOf(code) : `${capOf(code)} by position`,
-  )
+  return text.replace(KEYS, (names: string) => {
+    const codes = [...names.matchAll(KEY)].map(([, code]) => code)
+    const isKnown = codes.every((code) => !code.startsWith('Key') || knownCaps.value.has(code))
+    return codes.map(capOf).join(' ') + (isKnown || names === text ? '' : ' by position')
+  })
 }

@@ -218,7 +218,8 @@ class Bridge:
                 for vehicle in self._vehicles.values():
                     vehicle.forget()
                 self._publish_clock(self._latest.frame)
-            self._publish_moving(self._latest.frame)
+            if not self._is_pending or self._latest.frame.time != self._transformed:
+                self._publish_moving(self._latest.frame)
             self._publish_states(self._latest)
 
     def warn(self, text: str) -> None:
