@@ -58,7 +58,8 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageServer]:
     """A simulator with all parts of `autodrive run`."""
-    loader = WorldLoader(RunOptions(scenario="plane"))
+    own = tmp_path_factory.mktemp("own")
+    loader = WorldLoader(RunOptions(scenario="plane", folder=own))
     simulation = Simulation(loader.load("plane"), load=loader.load)
     loader.follow(simulation)
     encoder = JpegEncoder()
@@ -66,7 +67,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the world at the end, not the present one
         bridge = DevkitBridge(simulation, images=partial(images_of, encoder=encoder))
         stack.callback(bridge.close)
-        folder, own = tmp_path_factory.mktemp("recordings"), tmp_path_factory.mktemp("own")
+        folder = tmp_path_factory.mktemp("recordings")
         recordings = ClientRecordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
         stack.callback(recordings.stop_now)
         served = Served(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -156,19 +155,21 @@ def test_r_and_m_choose_the_end_by_which_a_piece_is_joined(plane: PageServer, ne
 
 
 def test_a_piece_snaps_within_a_distance_on_the_screen_and_to_ends_of_its_width(
-    plane: PageServer, new_tab: NewTab, tmp_path: Path
+    plane: PageServer, new_tab: NewTab
 ) -> None:
-    (tmp_path / "path.yaml").write_text(
+    folder = plane.folder / "pieces"
+    folder.mkdir()
+    (folder / "path.yaml").write_text(
         "title: Path\ntype: road\nlength: 0.6\nwidth: 0.3\nlanes: [[west, east]]\n"
         "ports:\n  west: {x: -0.3, y: 0, yaw_deg: 180, width: 0.3}\n  east: {x: 0.3, y: 0, yaw_deg: 0, width: 0.3}\n"
         "drivable:\n  - {shape: rectangle, length: 0.6, width: 0.3}\n"
     )
-    (tmp_path / "own.yaml").write_text(
+    (folder / "own.yaml").write_text(
         "title: Own\nplacements:\n  - {module: straight_road, name: a, x: 0, y: 0.9, open: true}\n"
         "  - {module: path.yaml, name: narrow, x: 0, y: -0.9, open: true}\n"
     )
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(f"map: {tmp_path}/own.yaml\nvehicles:\n  V1: {{type: nigel}}\n")
+    scenario = folder / "scenario.yaml"
+    scenario.write_text(f"map: {folder}/own.yaml\nvehicles:\n  V1: {{type: nigel}}\n")
     plane.restart(str(scenario))
     tab = opened(plane, new_tab)
     for _ in range(2):  # the distance is one of the screen: it is the same from farther away
