@@ -53,7 +53,7 @@ def eye(map_: Map, rng: np.random.Generator) -> tuple[float, float, float]:
     """Where a vehicle can see from: anywhere on a map; on a track, lower than its barriers."""
     if map_.track is None:
         x, y = rng.uniform(-8.0, 8.0, 2).tolist()
-        return x, y, float(rng.choice([0.1, 0.146, 0.208, 0.3, 0.6, 1.2]))
+        return x, y, float(rng.choice([0.101, 0.146, 0.207, 0.301, 0.601, 1.201]))  # no top of a box
     x, y, _ = map_.track.pose_at(float(rng.uniform(0.0, map_.track.length)), float(rng.uniform(-0.3, 0.3)))
     return x, y, float(rng.uniform(0.03, 0.98)) * map_.track.barrier.height
 

@@ -236,12 +236,14 @@ class Shapes:
         return OneSensor(spec, where).sample().ranges, self.contact(position, directions)
 
     def touched(self, position: Floats, yaw: float) -> list[str]:
-        """What the cube touches there, with that yaw."""
+        """What the cube touches there, with that yaw, besides vehicles."""
         engine, first = self.compiled.engine, self.compiled.objects["probe"]
         qpos = engine.start
         qpos[first : first + 7] = *position, *quaternion_from_yaw(yaw)
         pairs = [{self.compiled.owners[solid] for solid in pair} for pair in engine.overlapping(qpos, depth=0.0)]
-        return sorted(name for pair in pairs if "probe" in pair for name in pair - {"probe"})
+        return sorted(
+            name for pair in pairs if "probe" in pair for name in pair - {"probe", *self.compiled.spec.vehicles}
+        )
 
     def lidar(self, position: Floats, directions: Floats) -> Floats:
         """Ranges of the rays of sensors; 0 inside of a shape."""
