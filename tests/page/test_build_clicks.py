@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -154,11 +156,16 @@ def test_r_and_m_choose_the_end_by_which_a_piece_is_joined(plane: PageServer, ne
     tab.wait_for_notice("Dead End has one end: it can be joined in one way.")
 
 
+@pytest.fixture
+def folder(plane: PageServer) -> Iterator[Path]:
+    """A folder in that of the user."""
+    with tempfile.TemporaryDirectory(dir=plane.folder) as name:
+        yield Path(name)
+
+
 def test_a_piece_snaps_within_a_distance_on_the_screen_and_to_ends_of_its_width(
-    plane: PageServer, new_tab: NewTab
+    plane: PageServer, new_tab: NewTab, folder: Path
 ) -> None:
-    folder = plane.folder / "pieces"
-    folder.mkdir()
     (folder / "path.yaml").write_text(
         "title: Path\ntype: road\nlength: 0.6\nwidth: 0.3\nlanes: [[west, east]]\n"
         "ports:\n  west: {x: -0.3, y: 0, yaw_deg: 180, width: 0.3}\n  east: {x: 0.3, y: 0, yaw_deg: 0, width: 0.3}\n"

@@ -170,8 +170,9 @@ def test_a_connection_without_data_is_shown_and_its_requests_are_not_carried_out
         assert "The image and the HUD are those of" in tab.text("banner")
         tab.wait_for_notice("No answer for 5 s; the request is not carried out")
         tab.page.keyboard.up("w")
+        time = plane.frame.time
         held.release()
-        tab.wait_until(lambda: tab.value("store.link.value") == "open")
+        tab.wait_until(lambda: tab.value("store.link.value === 'open' && store.frame.value.time") > time)
         tab.page.keyboard.press("b")  # answered after the request that came late
         tab.wait_until(lambda: not plane.frame.scene_light)
         assert not plane.simulation.is_paused

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from autodrive.base.errors import SpecError
 from autodrive.graphics.meshes.track import barrier_nodes
 from autodrive.scenario.maps.map import load_map, track_map
 from autodrive.scenario.maps.track_map import barriers
@@ -68,9 +69,10 @@ def test_a_duct_is_drawn_where_a_vehicle_hits_it() -> None:
     assert max(found.max() for found in of_faces) < 1e-4
 
 
-def test_a_track_without_walls_has_no_barriers() -> None:
+def test_a_track_without_walls_makes_no_map() -> None:
     circle = 3.0 * np.exp(2j * np.pi * np.arange(60) / 60)
     line = np.column_stack([circle.real, circle.imag, np.full((60, 2), 0.5)])
     track = Track("circle", line)
-    assert track_map(track).statics == ()
+    with pytest.raises(SpecError, match="there are no walls; `autodrive import track"):
+        track_map(track)
     assert list(barrier_nodes(track)) == []
