@@ -47,7 +47,7 @@ SCRIPTS = {
     "Client(addresses='127.0.0.1')": "Did you mean 'address'?",
     "gymnasium.make('NigelLaneKeeping-v0', frameskip=2)": "Did you mean 'frame_skip'?",
     "gymnasium.make('NigelLaneKeeping-v0', observation='camra')": "Known: state, lidar, camera. Did you mean 'camera'?",
-    "gymnasium.make('RoboRacer-v0', track='practice')": "Did you mean 'tracks'?",
+    "gymnasium.make('RoboRacer-v0', trak='practice')": "Did you mean 'track'?",
     "gymnasium.make('NigelLaneKeping-v0')": "Did you mean: `NigelLaneKeeping`?",
     "Policy.find('driver')": "Or give an .npz file",
     "make('figure_eight')": "'figure_eight' is a map; a scenario there has the line 'map: figure_eight', in Python "

@@ -56,7 +56,7 @@ class Address:
     def of(text: str, token: str | None = None) -> Address:
         """'127.0.0.1:8730', '[::1]:8730', 'lab-pc', 'http://host:port/?token=...', also of a proxy ('https://hub/user/proxy/8730/')."""
         with suppress(ValueError):
-            text = f"[{ipaddress.IPv6Address(text)}]"
+            text = f"[{ipaddress.IPv6Address(str(text))}]"  # a number is no address
         try:
             has_scheme = "://" in text
             parts = urlsplit(text if has_scheme else f"http://{text}")
