@@ -165,7 +165,7 @@ def many_rows(folder: Path, count: int) -> None:
     numbers = np.random.default_rng(0).random((count, 3))
     assert one.design[0]  # all samples are drawn before memory is measured
     start, before = time.process_time(), resident(os.getpid())
-    table, keys = Table(folder / "rows", one), RunKeys(CampaignFiles.read(one))
+    table, keys = Table(folder / "rows", one), RunKeys(CampaignFiles.of(one))
     table.start()
     for number, (distance, collides, speed) in enumerate(numbers.tolist()):
         run = one.run(number)

@@ -117,7 +117,7 @@ CACHES = {"base/jit.py", "graphics/meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
     "experiments/campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "experiments/campaigns/campaign_files.py": {"write_bytes"},  # in a temporary folder, like the next ones
+    "base/code_snapshot.py": {"write_bytes"},  # in a temporary folder, like the next ones
     "experiments/identification/windows.py": {"write_text"},
     "experiments/policies/policy.py": {"savez"},  # into memory
     "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves

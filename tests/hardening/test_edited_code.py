@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import sqlite3
 from collections.abc import Callable
@@ -13,11 +14,15 @@ import pytest
 import yaml
 from pyarrow import parquet
 
+from autodrive.base.code_snapshot import Snapshot
 from autodrive.base.errors import AutodriveError
+from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
-from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Snapshot
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runs import Progress
+from autodrive.run.race import RaceOptions, race
+from autodrive.run.runner import RunObserver
 from tests.support.command_line import call
 from tests.support.hardening import fill, make_read_only, small_disk
 
@@ -127,6 +132,72 @@ def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_
     assert len(set(column(outcome, "distance"))) == 1
 
 
+WAITING = """
+import pathlib, sys, time
+while not pathlib.Path(sys.argv[2]).exists():
+    time.sleep(0.01)
+import {module} as gain
+pathlib.Path("driven.txt").write_text("1")
+print(gain.THROTTLE, __file__)
+"""
+"""A script that waits until its files have been edited, before it imports one of them."""
+
+
+@pytest.mark.process
+def test_a_race_drives_with_the_code_of_its_start_which_its_result_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a script, a module and a script that a shell script starts, which need not be in the same folder."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("team", "shell"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "script.py").write_text(WAITING.format(module="gain"))
+    (tmp_path / "team" / "driver.py").write_text(WAITING.format(module="team.gain"))
+    (tmp_path / "shell" / "other.py").write_text(WAITING.format(module="gain"))
+    (tmp_path / "start.sh").write_text('cd "$(dirname "$0")/shell"\npython3 other.py "$@"\n')
+    (tmp_path / "wrong.py").write_text("exec('1')\nopen(__file__ + '.none')\n")
+    gains = [tmp_path / name for name in ("gain.py", "team/gain.py", "shell/gain.py")]
+    edited, track = tmp_path / "edited", tmp_path / "own.yaml"
+    track.write_bytes(find("track", "practice").read_bytes())
+
+    def write(throttle: float) -> None:
+        for gain in gains:
+            gain.write_text(f"THROTTLE = {throttle}\n")
+
+    class Editing(RunObserver):
+        def started(self, run: Any) -> None:
+            write(0.7)
+            track.write_text("edited")
+            edited.touch()
+
+    write(0.2)
+    ways = ("python script.py", "python -m team.driver", f"sh {tmp_path}/start.sh", "python wrong.py")
+    files = {
+        "track": [track],
+        "V1": [tmp_path / "script.py", gains[0]],
+        "V2": [tmp_path / "team/driver.py", gains[1]],
+        "V3": [tmp_path / "start.sh", gains[2], tmp_path / "shell/other.py"],
+        "V4": [tmp_path / "wrong.py"],
+    }
+    digests = {
+        name: hashlib.sha256(b"".join(path.read_bytes() for path in of)).hexdigest() for name, of in files.items()
+    }
+    scripts = tuple(f"{way} {{port}} {edited}" for way in ways)
+    options = RaceOptions(str(track), scripts=scripts, is_lockstep=True, has_page=False, output=tmp_path / "out")
+    result = race(options, observer=Editing())
+    reasons = {one.vehicle: one.reason for one in result.standings}
+    scripts_run = {"V1": "script.py", "V2": "team/driver.py", "V3": "other.py"}
+    for name, file in scripts_run.items():
+        assert reasons[name].startswith("the script ended with exit code 0: 0.2 ")
+        assert reasons[name].endswith(file)
+    assert f"{tmp_path}/wrong.py.none'" in reasons["V4"]
+    assert f'File "{tmp_path}/wrong.py", line 2' in (tmp_path / "out" / "V4.log").read_text()
+    assert result.notes == {"V4": "It may run code that its digest does not contain (wrong.py, line 1: exec)"}
+    assert {name: result.digests[name] for name in digests} == digests
+    assert (tmp_path / "driven.txt").is_file()
+    assert (tmp_path / "shell" / "driven.txt").is_file()
+
+
 def test_a_helper_that_is_edited_in_one_process_is_read_again(tmp_path: Path) -> None:
     (tmp_path / "driver.py").write_text(driver("helper.gain()", "import helper\n"))
     scores, again = list[set[float]](), After()
@@ -193,8 +264,8 @@ def test_a_copy_has_the_rights_and_the_neighbours_of_its_original(tmp_path: Path
     (tmp_path / "code" / "drive.sh").write_text("#!/bin/sh\n")
     (tmp_path / "code" / "drive.sh").chmod(0o755)
     campaign = loaded(tmp_path / "campaign", driver="../code/drive.sh {port}", metrics=["distance"])
-    snapshot = Snapshot(CampaignFiles.read(campaign))
-    folder = snapshot.workplace.campaign.folder
+    snapshot = Snapshot(CampaignFiles.of(campaign))
+    folder = snapshot.folder
     assert (folder / "route.csv").read_text() == "1,2"
     assert os.access(folder / "../code/drive.sh", os.X_OK)
     assert (folder / "../code/drive.sh").resolve() != (tmp_path / "code" / "drive.sh").resolve()
@@ -268,7 +339,7 @@ def test_a_cache_that_cannot_be_used_is_one_warning(
         else:
             other = stack.enter_context(contextlib.closing(sqlite3.connect(file, isolation_level=None)))
             if harm == "wrong row":
-                key = RunKeys(CampaignFiles.read(campaign)).of(campaign.run(0))
+                key = RunKeys(CampaignFiles.of(campaign)).of(campaign.run(0))
                 other.execute("INSERT INTO rows VALUES (?, ?)", (key, '{"wrong": 1}'))
             else:
                 other.execute("CREATE TABLE rows (other)" if harm == "other table" else "BEGIN EXCLUSIVE")

@@ -13,8 +13,10 @@ import functools
 import hashlib
 import importlib
 import importlib.util
+import itertools
 import os
 import re
+import shlex
 import sys
 import sysconfig
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,6 +34,11 @@ SPACE = re.compile(r"own_[0-9a-f]{16}")
 OPAQUE = {"exec", "run_path", "run_module", "spec_from_file_location"}
 """Functions that run code from elsewhere."""
 BY_NAME = {"import_module", "__import__"}
+MAX_SCRIPT = 20_000
+"""What is read of a shell script [bytes]."""
+VARIABLE = re.compile(r"\$(\w+|\{[^}]*\}|\([^)]*\))")
+WORD = re.compile(r"[\w./+-]+")
+"""Of a shell script."""
 
 
 def load(file: Path, name: str) -> Any:
@@ -45,11 +52,11 @@ def load(file: Path, name: str) -> Any:
     return getattr(module, name)
 
 
-def sources(file: Path) -> list[Path]:
+def sources(file: Path, start: Path | None = None) -> list[Path]:
     """A Python file, and all files of the user that it imports, directly or not.
 
     Those that its text names, also in functions; if it is loaded, also those that it has really imported. Neither the
-    standard library nor installed packages. Raises `OSError`.
+    standard library nor installed packages. `start`: first folder of its modules; None: its own. Raises `OSError`.
     """
     importlib.invalidate_caches()
     _folder_of.cache_clear()
@@ -57,10 +64,32 @@ def sources(file: Path) -> list[Path]:
     found, pending = {file}, [file]
     while pending:
         path = pending.pop()
-        new = {*_named(path, file.parent), *_loaded.get(path, ())} - found
+        new = {*_named(path, start or file.parent), *_loaded.get(path, ())} - found
         found |= new
         pending += new
     return sorted(found)
+
+
+def script_files(command: str, folder: Path) -> Iterator[Path]:
+    """Files of the user that decide what a command line does, which runs in `folder`.
+
+    First those that it names, then the modules of its Python files, and the code that its shell scripts name. No
+    programs that are installed. Raises `OSError`.
+    """
+    words = shlex.split(command)
+    named = [path for word in words if (path := folder / word).is_file() and not _is_program(path)]
+    named = [*dict.fromkeys(Path(os.path.abspath(path)) for path in named)]
+    found, pending = {*named, *_modules(words, folder)}, [*named]
+    while pending:
+        file = pending.pop()
+        text = file.read_bytes()[:MAX_SCRIPT]
+        if file.suffix == ".py" or (text.startswith(b"#!") and b"python" in text.partition(b"\n")[0]):
+            found |= {*sources(file)}
+        elif b"\0" not in text:
+            code = _named_by_shell(text.decode(errors="ignore"), folder, file.parent) - found
+            found |= code
+            pending += code
+    yield from (*named, *sorted(found - {*named}))
 
 
 def opaque(file: str, content: bytes) -> list[str]:
@@ -356,6 +385,34 @@ def _named(file: Path, start: Path) -> set[Path]:
         if name.strip(".")
     }
     return near | {path for name, place in places.items() if place is not None for path in _files_of(place, name)}
+
+
+def _modules(words: Sequence[str], folder: Path) -> Iterator[Path]:
+    """The files of `python -m NAME` in a command line that runs in `folder`, with those that they import."""
+    for before, name in itertools.pairwise(words):
+        place = _folder_of(name.partition(".")[0], folder, tuple(sys.path)) if before == "-m" else None
+        if place is not None:
+            for file in (*_files_of(place, name), *_files_of(place, f"{name}.__main__")):
+                yield from sources(file, folder)
+
+
+def _named_by_shell(text: str, *folders: Path) -> set[Path]:
+    """The code that a shell script names, which may work in any of these folders, or in one to which it changes."""
+    words = WORD.findall(VARIABLE.sub(" ", text))
+    changes = [name.lstrip("/") for before, name in itertools.pairwise(words) if before == "cd"]
+    places = [*folders, *(folder / name for folder in folders for name in changes)]
+    paths = {place / name for place in places for word in words for name in (word, word.lstrip("/"))}
+    code = {Path(os.path.abspath(path)) for path in paths if _is_code(path) and not _is_program(path)}
+    return code.union(*(_modules(words, place) for place in places))
+
+
+def _is_code(path: Path) -> bool:
+    return path.is_file() and (path.suffix in (".py", ".sh") or os.access(path, os.X_OK))
+
+
+def _is_program(path: Path) -> bool:
+    """Whether a file is an installed program, such as a Python of a virtual environment."""
+    return path.name.startswith("python") or str(path.parent) in os.get_exec_path()
 
 
 def _files_of(folder: Path, name: str) -> Iterator[Path]:

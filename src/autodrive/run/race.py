@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from autodrive.base.cache import check_writable, make_folder
+from autodrive.base.code_snapshot import Code, Snapshot
 from autodrive.base.errors import AutodriveError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.python_files import script_files
 from autodrive.base.suggest import suggesting
 from autodrive.base.tcp import address_text
 from autodrive.base.version import __version__
@@ -21,7 +24,7 @@ from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.one_vehicle import OWN
-from autodrive.connect.bridge.script_process import ScriptProcess, digest
+from autodrive.connect.bridge.script_process import ScriptProcess
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import (
     Pause,
@@ -57,7 +60,7 @@ TICK = 0.025
 """Time between Frames [s]: the period of a LIDAR of 40 Hz."""
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
-EDITED = "Its files were edited during the race: the digest is that of the start"
+OPAQUE = "It may run code that its digest does not contain ({})"
 ALLOWED = (
     *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
     *(SetCamera, ViewSensor, DescribeVehicle, DescribeWeather),
@@ -232,15 +235,11 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         scenario = folder / f"race_{Path(options.track).stem}.yaml"
         scenario.write_text(scenario_text(options.scenario()), encoding="utf-8")
-        digests = _digests(options)
-        scripts = [
-            _started(command, options.output, name, stack)
-            for name, command in zip(options.names[len(options.devkits) :], options.scripts, strict=True)
-        ]
+        scripts = _scripts(options, stack)
         grids: list[Grid] = []
 
         def make_grid(simulation: Simulation, encoder: JpegEncoder | None) -> tuple[Sequence[DevkitBridge], Refusal]:
-            grids.append(_grid(simulation, options, scripts, encoder))
+            grids.append(_grid(simulation, options, [*scripts.values()], encoder))
             return grids[0].bridges, grids[0].refusal
 
         run = opened(stack, _run_options(options, scenario), observer, make_grid)
@@ -269,9 +268,9 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             wall_time=time.monotonic() - started,
             ended_by=stop.reason or "all vehicles",
             standings=recorder.standings(options.team_names),
-            notes=_notes(grid, digests, options),
+            notes=_notes(grid, scripts),
             recording=str(options.record or ""),
-            digests=digests,
+            digests=_digests(simulation, scripts),
         )
         if options.output is not None:
             write_results(options.output, result, recorder, track)
@@ -353,12 +352,48 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
     )
 
 
-def _started(command: str, folder: Path | None, name: str, stack: ExitStack) -> ScriptProcess:
-    """Start a script; what it prints goes to a file beside the results. Raises `AutodriveError`."""
-    output = stack.enter_context((folder / f"{name}.log").open("w+b") if folder else tempfile.TemporaryFile())  # noqa: SIM115
-    process = ScriptProcess(command, Path.cwd(), output)
-    stack.callback(process.close)
-    return process
+class _Script(ScriptProcess):
+    """A script that runs copies of its files, as they were at the start; what it prints names the originals."""
+
+    def __init__(self, command: str, output: IO[bytes]) -> None:
+        """What it prints goes to `output`. Raises `AutodriveError` if it cannot be started."""
+        self.code = Code.read(script_files(command, Path.cwd()), Path.cwd())
+        self._snapshot = Snapshot(self.code)
+        self._printed = output
+        try:
+            with self._snapshot.workplace.entered():
+                command = self.code.command_with_copies(command, self._snapshot.root)
+                super().__init__(command, self._snapshot.folder, output)
+        except BaseException:
+            self._snapshot.close()
+            raise
+
+    @property
+    def end(self) -> str:
+        """How it has ended; empty while it runs."""
+        return self._snapshot.named(super().end)
+
+    def close(self) -> None:
+        """End it, and move what it has written beside the copies to the originals."""
+        super().close()
+        self._printed.seek(0)
+        text = os.fsdecode(self._printed.read())
+        if (named := self._snapshot.named(text)) != text:
+            self._printed.seek(0)
+            self._printed.truncate()
+            self._printed.write(os.fsencode(named))
+            self._printed.flush()
+        self._snapshot.close()
+
+
+def _scripts(options: RaceOptions, stack: ExitStack) -> dict[str, _Script]:
+    """Start the scripts, by vehicle; what each prints goes to a file beside the results. Raises `AutodriveError`."""
+    scripts = dict[str, _Script]()
+    for name, command in zip(options.names[len(options.devkits) :], options.scripts, strict=True):
+        log = (options.output / f"{name}.log").open("w+b") if options.output else tempfile.TemporaryFile()  # noqa: SIM115
+        scripts[name] = _Script(command, stack.enter_context(log))
+        stack.callback(scripts[name].close)
+    return scripts
 
 
 def _grid(
@@ -389,25 +424,18 @@ def _grid(
     return Grid(simulation, rules, seats, options.is_lockstep, bridges)
 
 
-def _notes(grid: Grid, digests: Mapping[str, str], options: RaceOptions) -> dict[str, str]:
-    """What is to be known about the scripts, by vehicle; `digests`: those of the start."""
-    edited = [name for name, now in _script_digests(options).items() if now != digests[name]]
-    return {
-        name: ". ".join(filter(None, (grid.notes.get(name), EDITED if name in edited else "")))
-        for name in options.names
-        if name in grid.notes or name in edited
-    }
+def _notes(grid: Grid, scripts: Mapping[str, _Script]) -> dict[str, str]:
+    """What is to be known about the scripts, by vehicle."""
+    unknown = {name: OPAQUE.format(places) for name, script in scripts.items() if (places := script.code.opaque)}
+    names = [seat.vehicle for seat in grid.seats]
+    notes = {name: ". ".join(text[name] for text in (grid.notes, unknown) if name in text) for name in names}
+    return {name: note for name, note in notes.items() if note}
 
 
-def _digests(options: RaceOptions) -> dict[str, str]:
-    """SHA-256 of the files of the track, of the rules, and of the scripts that the race has started, by vehicle."""
-    files = {"track": find("track", options.track), "rules": find("ruleset", options.rules)}
-    return {
-        **{name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()},
-        **_script_digests(options),
-    }
-
-
-def _script_digests(options: RaceOptions) -> dict[str, str]:
-    names = options.names[len(options.devkits) :]
-    return {name: digest(command, Path.cwd()) for name, command in zip(names, options.scripts, strict=True)}
+def _digests(simulation: Simulation, scripts: Mapping[str, _Script]) -> dict[str, str]:
+    """SHA-256 of track and rules, and by vehicle of the code of the scripts, as the race runs them."""
+    specs = simulation.world.specs
+    assert specs.rules is not None
+    files = {"track": specs.map, "rules": specs.rules}
+    digests = {name: hashlib.sha256(one.text.encode()).hexdigest() for name, one in files.items()}
+    return {**digests, **{name: script.code.digest for name, script in scripts.items()}}

@@ -382,14 +382,14 @@ def test_a_policy_drives_as_in_a_time_trial(campaign: Make, tmp_path: Path) -> N
 def test_a_sensor_of_the_user_decides_results_and_travels_with_the_campaign(campaign: Make, tmp_path: Path) -> None:
     radar_scenario(tmp_path, "plane")
     one = campaign(scenario="radar.yaml")
-    key = RunKeys(CampaignFiles.read(one)).of(one.run(0))
+    key = RunKeys(CampaignFiles.of(one)).of(one.run(0))
     unpacked = CampaignFiles.pack(one).unpack(tmp_path / "there")
     assert Runner(unpacked).run(unpacked.run(0)) == Runner(one).run(one.run(0))
     moved = Path(unpacked.scenario.vehicles["V1"].own_sensors["radar"].rpartition(":")[0])
     assert moved.is_relative_to(tmp_path / "there")
     file = tmp_path / "my_radar.py"
     file.write_text(file.read_text(encoding="utf-8") + "# another version\n", encoding="utf-8")
-    assert RunKeys(CampaignFiles.read(one)).of(one.run(0)) != key
+    assert RunKeys(CampaignFiles.of(one)).of(one.run(0)) != key
 
 
 def test_a_second_campaign_in_a_folder_is_refused(campaign: Make, tmp_path: Path) -> None:

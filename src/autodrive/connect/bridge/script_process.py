@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shlex
 import socket
 import subprocess
@@ -12,7 +11,6 @@ from typing import IO
 
 from autodrive.base.child_process import Group, environment
 from autodrive.base.errors import AutodriveError
-from autodrive.base.python_files import sources
 
 _running: set[ScriptProcess] = set()
 
@@ -56,10 +54,3 @@ def close_all() -> None:
     """End all scripts, for a process that ends without closing them."""
     for script in list(_running):
         script.close()
-
-
-def digest(command: str, folder: Path) -> str:
-    """SHA-256 of the files that a command line names, and of the user's modules that they import."""
-    files = [folder / word for word in shlex.split(command) if (folder / word).is_file()]
-    modules = {one for file in files if file.suffix == ".py" for one in sources(file)} - {*map(Path.absolute, files)}
-    return hashlib.sha256(b"".join(path.read_bytes() for path in (*files, *sorted(modules)))).hexdigest()

@@ -10,8 +10,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Protocol
 
+from autodrive.base.code_snapshot import Snapshot
 from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Snapshot
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.worker import Worker
 
@@ -49,13 +50,13 @@ class InProcessExecutor:
 
     def __init__(self, campaign: Campaign, files: CampaignFiles | None = None) -> None:
         """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
-        self.files = files or CampaignFiles.read(campaign)
+        self.files = files or CampaignFiles.of(campaign)
         """What the runs read."""
-        self._snapshot = Snapshot(self.files)
+        self._snapshot = Snapshot(self.files, self.files.data)
         self._stack = contextlib.ExitStack()
         self._stack.callback(self._snapshot.close)
         self._stack.enter_context(self._snapshot.workplace.entered())
-        self._runner = Runner(self._snapshot.workplace.campaign)
+        self._runner = Runner(self.files.campaign_in(self._snapshot.root))
         self._stack.callback(self._runner.close)
         self._runs: deque[Run] = deque()
 
@@ -68,7 +69,7 @@ class InProcessExecutor:
         while self._runs:
             with contextlib.chdir(self._snapshot.workplace.directory):
                 result = self._runner.run(self._runs.popleft())
-            yield self._snapshot.named(result)
+            yield _named(result, self._snapshot)
 
     def cancel(self) -> None:
         """Release the worlds and the copies of the files."""
@@ -80,11 +81,11 @@ class LocalExecutor:
 
     def __init__(self, campaign: Campaign, workers: int, files: CampaignFiles | None = None) -> None:
         """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
-        campaign = replace(campaign)  # without what it has computed, which the workers would receive
-        self.files = files or CampaignFiles.read(campaign)
+        self.files = files or CampaignFiles.of(campaign)
         """What the runs read."""
-        self._snapshot = Snapshot(self.files)
-        self.workers = [Worker(self._snapshot.workplace) for _ in range(workers)]
+        self._snapshot = Snapshot(self.files, self.files.data)
+        copy = self.files.campaign_in(self._snapshot.root)
+        self.workers = [Worker(copy, self._snapshot.workplace) for _ in range(workers)]
         self.size = workers
         """Number of worker processes."""
         self._idle = queue.SimpleQueue[Worker]()
@@ -113,6 +114,11 @@ class LocalExecutor:
     def _run(self, run: Run) -> Result:
         worker = self._idle.get()
         try:
-            return self._snapshot.named(worker.run(run))
+            return _named(worker.run(run), self._snapshot)
         finally:
             self._idle.put(worker)
+
+
+def _named(result: Result, snapshot: Snapshot) -> Result:
+    """The result; its error names the originals."""
+    return replace(result, error=snapshot.named(result.error))

@@ -35,9 +35,8 @@ class RunKeys:
 
     def __init__(self, files: CampaignFiles) -> None:
         """Of the campaign with these files, whatever they become."""
-        campaign, folder = files.campaign, files.campaign.folder.relative_to(files.root)
-        spec = campaign.spec
-        contents = sorted((os.path.relpath(name, folder), content) for name, content in files.files.items())
+        campaign, spec = files.campaign, files.campaign.spec
+        contents = sorted((os.path.relpath(name, files.folder), content) for name, content in files.files.items())
         self._campaign = campaign
         self._base = _hash(
             *versions(),

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.base.cache import make_folder, write_file
+from autodrive.base.code_snapshot import Workplace
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.campaign_files import CampaignFiles, Workplace
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import versions
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.experiments.campaigns.worker import Worker
@@ -38,7 +39,8 @@ class Remote:
         self._folder = tempfile.TemporaryDirectory(prefix="autodrive-campaign-")
         target = Path(self._folder.name)
         directory = target / files.directory
-        self._worker = Worker(Workplace(files.unpack(target), directory, target, files.root, files.paths))
+        workplace = Workplace(directory, target, files.root, files.paths)
+        self._worker = Worker(files.unpack(target), workplace)
         os.chdir(directory)  # an actor has its process alone
         return versions()
 

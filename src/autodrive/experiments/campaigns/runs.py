@@ -111,7 +111,7 @@ def run_campaign(
         observer, progress = observer or CampaignObserver(), Progress(len(campaign))
         batch: list[tuple[str, Result]] = []
         earlier = table.start()
-        files = executor.files if executor else CampaignFiles.read(campaign)
+        files = executor.files if executor else CampaignFiles.of(campaign)
         write_file(folder / OWNER, _owner(campaign, folder))
         if (places := files.opaque) and uses_cache:
             log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)

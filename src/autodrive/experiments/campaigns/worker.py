@@ -12,8 +12,8 @@ import time
 from typing import Any
 
 from autodrive.base.child_process import start_module, take_stdout
-from autodrive.experiments.campaigns.campaign import Run
-from autodrive.experiments.campaigns.campaign_files import Workplace
+from autodrive.base.code_snapshot import Workplace
+from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result, Runner
 
 TRIES = 2
@@ -28,14 +28,15 @@ END_TIME = 5.0
 class Worker:
     """A process that runs runs of one campaign, one at a time; it starts with the first run."""
 
-    def __init__(self, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, campaign: Campaign, workplace: Workplace) -> None:
+        """`campaign`: with the paths of the copies in `workplace`."""
+        self._campaign, self._workplace = campaign, workplace
         self._process: subprocess.Popen[Any] | None = None
         self._is_closed = False
 
     def run(self, run: Run) -> Result:
         """The result of a run; an error if it does not end within the limit or ends its process."""
-        limit = self._workplace.campaign.spec.time_limit
+        limit = self._campaign.spec.time_limit
         for _ in range(TRIES):
             if self._is_closed:
                 break
@@ -65,7 +66,7 @@ class Worker:
             self._process = start_module("autodrive.experiments.campaigns.worker")
             if self._is_closed:  # meanwhile
                 self._process.kill()
-            self._send(self._workplace)
+            self._send((self._campaign, self._workplace))
         self._send(run)
         assert self._process.stdout is not None
         return pickle.load(self._process.stdout)
@@ -95,8 +96,10 @@ class Worker:
 def main() -> None:
     """Answer runs until stdin closes."""
     answers = take_stdout()
-    workplace: Workplace = pickle.load(sys.stdin.buffer)
-    runner, limit = Runner(workplace.campaign), workplace.campaign.spec.time_limit
+    campaign: Campaign
+    workplace: Workplace
+    campaign, workplace = pickle.load(sys.stdin.buffer)
+    runner, limit = Runner(campaign), campaign.spec.time_limit
     os.chdir(workplace.directory)
     with workplace.entered(), contextlib.suppress(EOFError):
         while True:

@@ -94,11 +94,11 @@ class RaceResult:
     ended_by: str
     standings: list[Standing]
     notes: dict[str, str] = field(default_factory=dict)
-    """In lock-step, by vehicle: how its script repeats commands, so that the result may depend on the machine."""
+    """By vehicle: how its script repeats commands in lock-step, and code of it that `digests` does not contain."""
     recording: str = ""
     """Path of the recording; empty if there is none."""
     digests: dict[str, str] = field(default_factory=dict)
-    """SHA-256 of the files of track and rules, and by vehicle of the scripts that the race has started."""
+    """SHA-256 of the files of track and rules, and by vehicle of the code of the scripts that the race has started."""
 
     def to_json(self) -> str:
         """The content of result.json."""
