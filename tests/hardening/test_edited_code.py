@@ -14,6 +14,8 @@ import pytest
 import yaml
 from pyarrow import parquet
 
+import autodrive
+from autodrive import Simulation
 from autodrive.base.code_snapshot import Snapshot
 from autodrive.base.errors import AutodriveError
 from autodrive.base.yaml_files import find
@@ -21,6 +23,7 @@ from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome,
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runs import Progress
+from autodrive.protocol.messages import AddBox, LoadScenario, Reset, SetSensor
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
 from tests.support.command_line import call
@@ -96,6 +99,62 @@ def test_a_driver_that_is_edited_during_its_campaign_drives_as_at_the_start(
     restored = run_campaign(loaded(tmp_path, files=["gain.txt"]), tmp_path / "c", workers=0, observer=again)
     assert column(restored, "score") == [3.0] * 24
     assert again.reused == 24
+
+
+SENSOR = """
+import lib
+class Value:
+    rate, columns = None, ("value",)
+    def sample(self, view, random): return {value} * lib.FACTOR
+"""
+READING = "frames[-1].vehicles['V1'].own['own'].values[0]"
+
+
+def sensor_scenario(folder: Path) -> Path:
+    (folder / "own.yaml").write_text("map: plane\nvehicles: {V1: {own_sensors: {own: sensor.py:Value}}}\n")
+    (folder / "sensor.py").write_text(SENSOR.format(value=1.0))
+    (folder / "lib.py").write_text("FACTOR = 1.0\n")
+    return folder / "own.yaml"
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.process)])
+def test_a_sensor_that_is_edited_during_its_campaign_measures_as_at_the_start(tmp_path: Path, workers: int) -> None:
+    """Each run compiles the sensor again, because of its parameter; a replay says that the sensor is another one."""
+    sensor_scenario(tmp_path)
+    (tmp_path / "driver.py").write_text(driver(READING))
+    changes: dict[str, Any] = {"scenario": "own.yaml", "seeds": 1, "parameters": {"gravity": [9.0, 9.5, 10.0]}}
+    campaign = loaded(tmp_path, **changes)
+
+    def edit() -> None:
+        (tmp_path / "sensor.py").write_text(SENSOR.format(value=5.0))
+        (tmp_path / "lib.py").write_text("FACTOR = 7.0\n")
+
+    first = run_campaign(campaign, tmp_path / "out", workers=workers, observer=After(edit, rows=1))
+    assert column(first, "score") == [1.0] * 3
+    if workers == 0:
+        command = ["campaign", str(campaign.path), "--replay", "1", "--output", tmp_path / "out", "--force"]
+        replayed = call(*command)
+        assert "score: 35\n" in replayed.stdout
+        assert "the code, a file, the scenario or the simulator has changed" in replayed.stderr
+    assert column(run_campaign(campaign, tmp_path / "again", workers=0), "score") == [35.0] * 3
+
+
+def test_a_sensor_that_is_edited_during_a_run_stays_until_its_scenario_is_loaded_again(tmp_path: Path) -> None:
+    """After edits of the world, also while the file is wrong."""
+    scenario = sensor_scenario(tmp_path)
+    simulation = Simulation(autodrive.make(scenario), speed=None, load=autodrive.make)
+    (tmp_path / "lib.py").write_text("FACTOR = 7.0\n")
+    (tmp_path / "sensor.py").write_text("class Value:")
+    with simulation:
+        simulation.request(AddBox("box", x=3.0, y=0.0)).result()
+        simulation.request(SetSensor("V1", "lidar", rate=5.0)).result()
+        simulation.request(Reset()).result()
+        assert simulation.world.frame.vehicles["V1"].own["own"].values[0] == 1.0
+        with pytest.raises(AutodriveError, match=r"sensor\.py:Value' cannot be loaded: IndentationError"):
+            simulation.request(LoadScenario(str(scenario))).result()
+        (tmp_path / "sensor.py").write_text(SENSOR.format(value=5.0))
+        simulation.request(LoadScenario(str(scenario))).result()
+        assert simulation.world.frame.vehicles["V1"].own["own"].values[0] == 35.0
 
 
 SCRIPT = """

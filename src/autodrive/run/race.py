@@ -380,8 +380,8 @@ class _Script(ScriptProcess):
         text = os.fsdecode(self._printed.read())
         if (named := self._snapshot.named(text)) != text:
             self._printed.seek(0)
-            self._printed.truncate()
             self._printed.write(os.fsencode(named))
+            self._printed.truncate()
             self._printed.flush()
         self._snapshot.close()
 

@@ -63,14 +63,19 @@ def described(
         {name: read("vehicle", name, VehicleSpec) for name in types},
         race and read("ruleset", race.rules, RaceRules),
         read("track", race.track, TrackSpec) if race and race.track else None,
+        known.specs.own_sensors if known else {},
     )
     return Descriptions(specs, source.path if source else "", lines)
 
 
 def with_own_sensors(specs: Specs) -> Specs:
-    """The Specs with the classes of the user's sensors, which do not travel to other processes."""
+    """The Specs with the classes of the user's sensors, which do not travel to other processes.
+
+    Those that are there stay: after an edit of a world, its sensors are still those that were loaded with its scenario.
+    """
     named = {one for vehicle in specs.scenario.vehicles.values() for one in vehicle.own_sensors.values()}
-    return replace(specs, own_sensors={one: _own_sensor(one) for one in named}) if named else specs
+    loaded = {one: specs.own_sensors.get(one) or _own_sensor(one) for one in named}
+    return replace(specs, own_sensors=loaded) if named else specs
 
 
 def _own_sensor(reference: str) -> Callable[[], Any] | str:
