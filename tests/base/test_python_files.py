@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from autodrive.base.python_files import copied, load, opaque, sources
+from autodrive.base.python_files import copied, load, opaque, script_files, sources
 
 
 @pytest.fixture(autouse=True)
@@ -121,3 +121,44 @@ def test_a_copy_imports_copies(tmp_path: Path) -> None:
     with copied(original, copy):
         assert load(copy / "app" / "driver.py", "x") == 2
     assert not [path for path in sys.path if path.startswith(str(copy))]
+
+
+def test_the_files_of_a_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modules that `-m` names and what shell scripts name, too; no programs such as a Python."""
+    write(
+        tmp_path,
+        drive="import far\n",
+        far="",
+        team_in_PACKAGE="",
+        team_in_driver="from . import gain\nimport far\n",
+        team_in_gain="",
+        bot_in_PACKAGE="",
+        bot_in___main__="import bot.part",
+        bot_in_part="",
+        shell_in_near="",
+    )
+    data, venv = tmp_path / "route.csv", tmp_path / "venv" / "bin"
+    venv.mkdir(parents=True)
+    (venv / "python3").symlink_to(sys.executable)
+    data.write_text("drive.py")
+    (tmp_path / "program").write_text("#!/usr/bin/env python3\nimport far\n")
+    (tmp_path / "shell" / "start.sh").write_text('exec python "$(dirname "$0")"/near.py $1 > log.txt\n')
+    (tmp_path / "start.sh").write_text("# the drive\ncd shell && . ./start.sh; python3 -m bot $PORT; ${X}/drive.py")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:/usr/bin")
+
+    def of(command: str) -> list[str]:
+        return [path.relative_to(tmp_path).as_posix() for path in script_files(command, tmp_path)]
+
+    assert of("python drive.py {port} route.csv none.csv") == ["drive.py", "route.csv", "far.py"]
+    assert (
+        of("venv/bin/python3 -u drive.py {port}") == of(f"{sys.executable} drive.py {{port}}") == ["drive.py", "far.py"]
+    )
+    assert of("./program {port}") == ["program", "far.py"]
+    team = ["far.py", "team/__init__.py", "team/driver.py", "team/gain.py"]
+    assert of("python -m team.driver {port}") == of("sh -c 'python -m team.driver {port}'") == team
+    assert of("python -m bot") == ["bot/__init__.py", "bot/__main__.py", "bot/part.py"]
+    assert of("python -m http.server {port}") == of("ros2 launch bridge") == []
+    assert of("sh start.sh {port}") == [
+        *("start.sh", "bot/__init__.py", "bot/__main__.py", "bot/part.py"),
+        *("drive.py", "far.py", "shell/near.py", "shell/start.sh"),
+    ]

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 import sqlite3
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -169,14 +170,16 @@ drive(lambda: None, car, port=int(sys.argv[1]))
 
 
 @pytest.mark.process
+@pytest.mark.parametrize("command", [f"{sys.executable} script.py", "python -m script", "sh start.sh"])
 def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One beside it, and one in a folder of PYTHONPATH, which is in `sys.path`."""
     (tmp_path / "lib").mkdir()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "lib"))
     monkeypatch.syspath_prepend(tmp_path / "lib")
     (tmp_path / "script.py").write_text(SCRIPT)
+    (tmp_path / "start.sh").write_text(f"exec {sys.executable} script.py $1")
     modules = {tmp_path / "gain.py": "THROTTLE = {}\n", tmp_path / "lib" / "far.py": "FACTOR = {}\n"}
 
     def write(value: float) -> None:
@@ -184,7 +187,7 @@ def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_
             file.write_text(text.format(value))
 
     write(0.5)
-    one = loaded(tmp_path, driver="python script.py {port}", metrics=["distance"], seeds=2)
+    one = loaded(tmp_path, driver=f"{command} {{port}}", metrics=["distance"], seeds=2)
     edit = After(lambda: write(1.0), rows=1)
     outcome = run_campaign(one, tmp_path / "out", workers=0, observer=edit)
     assert set(column(outcome, "error")) == {""}

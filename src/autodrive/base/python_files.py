@@ -76,10 +76,10 @@ def script_files(command: str, folder: Path) -> Iterator[Path]:
     First those that it names, then the modules of its Python files, and the code that its shell scripts name. No
     programs that are installed. Raises `OSError`.
     """
-    words = shlex.split(command)
-    named = [path for word in words if (path := folder / word).is_file() and not _is_program(path)]
-    named = [*dict.fromkeys(Path(os.path.abspath(path)) for path in named)]
-    found, pending = {*named, *_modules(words, folder)}, [*named]
+    files = [path for word in shlex.split(command) if (path := folder / word).is_file() and not _is_program(path)]
+    named = [*dict.fromkeys(Path(os.path.abspath(path)) for path in files)]
+    found = {*named, *_named_by_shell(command, folder)}
+    pending = [*found]
     while pending:
         file = pending.pop()
         text = file.read_bytes()[:MAX_SCRIPT]
