@@ -12,9 +12,11 @@ from typing import Any
 import pytest
 
 from autodrive.base.errors import AutodriveError
-from autodrive.experiments.campaigns import Campaign, run_campaign
+from autodrive.experiments.campaigns import Campaign, CampaignObserver, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
+from autodrive.experiments.campaigns.ray_executor import RayExecutor
 from autodrive.experiments.campaigns.runner import Runner
+from autodrive.experiments.campaigns.runs import Progress
 from tests.support.command_line import AUTODRIVE, refused
 from tests.support.waiting import LIMIT, free_port, wait_until
 
@@ -112,6 +114,37 @@ def test_a_node_is_killed_and_nothing_is_lost_or_twice(campaign: Make, tmp_path:
     assert (there / "table.parquet").read_bytes() == here.table.read_bytes()
     names = [sorted(path.name for path in (one / "recordings").glob("*")) for one in (here.folder, there)]
     assert names[0] == names[1] != []
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_cluster_of_this_machine_imports_the_code_of_the_start_and_no_file_of_a_packages_name(
+    campaign: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also with a folder of temporary files whose path is too long for the sockets of Ray; nothing stays there."""
+    temporary = tmp_path / ("long" * 20)
+    temporary.mkdir()
+    for name in ("TMPDIR", "RAY_TMPDIR"):
+        monkeypatch.setenv(name, str(temporary))
+    monkeypatch.setenv("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+    monkeypatch.chdir(tmp_path)
+    for name in ("numpy", "random", "json", "autodrive"):
+        (tmp_path / f"{name}.py").write_text(f"raise RuntimeError('{name}.py of the user')\n")
+    (tmp_path / "gain.py").write_text("THROTTLE = 0.5\n")
+    driver = (tmp_path / "driver.py").read_text().replace("throttle=0.5", "throttle=gain.THROTTLE")
+    (tmp_path / "driver.py").write_text(f"import gain\nimport numpy\nnumpy.zeros(1)\n{driver}")
+
+    class Editing(CampaignObserver):
+        def progress(self, progress: Progress) -> None:
+            (tmp_path / "gain.py").write_text("THROTTLE = 1.0\n")
+
+    one = campaign(parameters={}, samples={}, seeds=12, metrics=["distance"], pass_="")
+    on_ray = run_campaign(one, "ray", executor=patient(lambda: RayExecutor(one, workers=1)), observer=Editing())
+    (tmp_path / "gain.py").write_text("THROTTLE = 0.5\n")
+    here = run_campaign(one, "here", workers=0, uses_cache=False)
+    assert on_ray.table.read_bytes() == here.table.read_bytes()
+    assert here.summary["counts"] == {"done": 12}
+    assert [*temporary.iterdir()] == []
 
 
 def test_files_travel_with_the_campaign(campaign: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,10 @@ LOCAL, AUTO = "local", "auto"
 """A cluster on this machine that ends with the campaign; the cluster that this machine is in."""
 CONNECT_TIME = 10.0
 """A cluster that does not accept a connection within that time is not there [s]."""
+LONGEST_FOLDER = 35
+"""Of temporary files [bytes]: Ray has sockets in it, whose paths have at most 107 bytes (103 on macOS)."""
+END_TIME = 5.0
+"""An actor that has not removed its files after that time is ended [s]."""
 LOSSES = 3
 """If each actor has been lost so often without a result in between, something is wrong with all of them."""
 
@@ -54,6 +58,11 @@ class Remote:
         path.unlink()
         return replace(result, recording=run.recording), recording
 
+    def close(self) -> None:
+        """End the run that another thread waits for, and remove the files of the campaign."""
+        self._worker.close()
+        self._folder.cleanup()
+
 
 class RayExecutor:
     """One actor for each processor of the cluster; a new one is started when one is lost.
@@ -75,10 +84,16 @@ class RayExecutor:
         self.files = CampaignFiles.pack(campaign)
         """What the runs read."""
         self._is_own = not ray.is_initialized()
+        self._folders = contextlib.ExitStack()
+        """Folders that Ray needs as long as it runs."""
         if self._is_own:
-            self._connect(address)
+            try:
+                self._connect(address)
+            except BaseException:
+                self._folders.close()
+                raise
         self._files = ray.put(self.files)
-        self._actor: Any = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Remote)
+        self._actor: Any = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, max_concurrency=2)(Remote)
         self._versions = versions()
         self._runs: deque[Run] = deque()
         self._busy: dict[Any, tuple[Any, Run | None]] = {}
@@ -113,7 +128,10 @@ class RayExecutor:
 
     def cancel(self) -> None:
         """End the actors, and Ray if this executor has started it."""
-        for actor in [*self._idle, *(actor for actor, _ in self._busy.values())]:
+        actors = [*self._idle, *(actor for actor, _ in self._busy.values())]
+        if actors:
+            self._ray.wait([actor.close.remote() for actor in actors], num_returns=len(actors), timeout=END_TIME)
+        for actor in actors:
             self._ray.kill(actor)
         self._runs.clear()
         self._busy.clear()
@@ -121,6 +139,7 @@ class RayExecutor:
         self._pending = 0
         if self._is_own:
             self._ray.shutdown()
+        self._folders.close()
 
     def _connect(self, address: str) -> None:
         if address not in (LOCAL, AUTO):
@@ -133,12 +152,32 @@ class RayExecutor:
                 ) from None
             except OSError as error:
                 raise AutodriveError(f"there is no Ray cluster at '{address}': {error.strerror or error}") from None
+        temporary = os.fsencode(os.environ.get("RAY_TMPDIR", os.environ.get("TMPDIR", "")))
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray would report to its makers what it is used for
+        places = {"_temp_dir": self._short_folder()} if address == LOCAL and len(temporary) > LONGEST_FOLDER else {}
         try:
-            self._ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+            # Ray lets all workers import from its working directory first: a file numpy.py there would replace the
+            # package. The files of the campaign travel in another way.
+            with contextlib.chdir(self._folder()):
+                self._ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **places)
         except (ConnectionError, ImportError, ValueError, RuntimeError) as error:
             (text, *_) = str(error).splitlines() or [type(error).__name__]
             raise AutodriveError(f"there is no Ray cluster at '{address}': {text}") from None
+
+    def _folder(self, parent: str | None = None) -> str:
+        """A new folder, which is removed at the end; `parent` None: where temporary files are."""
+        folder = tempfile.TemporaryDirectory(prefix="autodrive-ray-", dir=parent, ignore_cleanup_errors=True)
+        return self._folders.enter_context(folder)
+
+    def _short_folder(self) -> str:
+        """A new folder with a short path. Raises `AutodriveError`."""
+        try:
+            return self._folder("/tmp")
+        except OSError as error:
+            raise AutodriveError(
+                "the path of the folder of temporary files is too long for Ray: set RAY_TMPDIR to a folder with a path "
+                f"of at most {LONGEST_FOLDER} bytes  (/tmp: {error.strerror})"
+            ) from None
 
     def _answer(self, reference: Any, actor: Any, run: Run | None) -> tuple[Result, bytes] | None:
         """What an actor has answered; None if it has started, or is lost: then its run waits for another one."""
