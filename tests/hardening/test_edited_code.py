@@ -1,11 +1,13 @@
-"""Code that is edited, moved or has a name twice: each campaign runs one version of it, which its keys name."""
+"""Code that is edited, moved or has a name twice: campaigns and races run one version of it, which they name."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import sqlite3
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -29,6 +31,7 @@ from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
 from tests.support.command_line import call
 from tests.support.hardening import fill, make_read_only, small_disk
+from tests.support.waiting import LIMIT
 
 DRIVER = """
 from autodrive import Command
@@ -291,6 +294,27 @@ def test_two_helpers_of_one_name_are_two_modules(tmp_path: Path) -> None:
     outcome = run_campaign(loaded(tmp_path, driver="a/drive.py:Driver", metrics=metrics), tmp_path / "out", workers=0)
     found = {name: set(column(outcome, name)) for name in (*ways, "early")}
     assert found == {"plain": {1000.0}, "member": {1000.0}, "by_name": {1000.0}, "late": {2000.0}, "early": {0.6}}
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_files_in_the_working_folder_that_have_the_name_of_a_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They replace no package of run and campaign; those that end a script of the user are named."""
+    for name in ("numpy", "random", "json", "autodrive"):
+        (tmp_path / f"{name}.py").write_text("raise ImportError('of the user')\n")
+    (tmp_path / "driver.py").write_text(driver("numpy.pi", "import json, numpy, random\n"))
+    loaded(tmp_path, seeds=2)
+    monkeypatch.chdir(tmp_path)
+    for command in ("run plane --headless --no-cameras --duration 0.1", "campaign short.yaml --workers 1 --no-cache"):
+        subprocess.run([Path(sys.executable).with_name("autodrive"), *command.split()], check=True, timeout=LIMIT)
+    assert parquet.read_table("short_results/table.parquet").column("score").to_pylist() == [math.pi] * 2
+    (tmp_path / "script.py").write_text("import random\n")
+    scripts = ("python script.py {port}",)
+    (standing,) = race(RaceOptions("practice", scripts=scripts, is_lockstep=True, has_page=False)).standings
+    reason = "ImportError: of the user; files beside it replace modules of their names: "
+    assert standing.reason.endswith(reason + "autodrive.py, json.py, numpy.py, random.py")
 
 
 def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_user(

@@ -92,6 +92,14 @@ def script_files(command: str, folder: Path) -> Iterator[Path]:
     yield from (*named, *sorted(found - {*named}))
 
 
+def replacing_modules(folder: Path) -> list[str]:
+    """Files that a program in this folder imports in the place of the standard library or installed packages."""
+    installed = [path for path in sys.path if path and _is_installed(Path(path))]
+    names = {path.stem for path in folder.glob("*.py")}
+    known = {name for name in names if name in sys.stdlib_module_names or PathFinder.find_spec(name, installed)}
+    return [f"{name}.py" for name in sorted(known)]
+
+
 def opaque(file: str, content: bytes) -> list[str]:
     """Places in a Python file that run code which its text does not name: 'driver.py, line 3: exec'."""
     found = set[tuple[int, str]]()

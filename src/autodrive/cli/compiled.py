@@ -56,7 +56,7 @@ def loaded() -> list[Path]:
 
     name, features = jit.BASELINE
     environment = {**os.environ, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": features}
-    command = [sys.executable, "-m", __spec__.name, LOADED]
+    command = [sys.executable, "-P", "-m", __spec__.name, LOADED]  # -P: not a numpy.py of the working folder
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
     done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return [Path(line) for line in done.stdout.splitlines()]

@@ -11,6 +11,7 @@ from typing import IO
 
 from autodrive.base.child_process import Group, environment
 from autodrive.base.errors import AutodriveError
+from autodrive.base.python_files import replacing_modules
 
 _running: set[ScriptProcess] = set()
 
@@ -26,6 +27,7 @@ class ScriptProcess:
         with socket.create_server(("127.0.0.1", 0)) as listener:
             self.port: int = listener.getsockname()[1]
         words = shlex.split(command)
+        self._folders = {(folder / word).parent for word in words if word.endswith(".py")}
         line = [sys.executable if word == "python" else word.replace("{port}", str(self.port)) for word in words]
         # another Python has packages of its own, which those of this one would replace
         variables = environment() if line[0] == sys.executable else None
@@ -42,7 +44,9 @@ class ScriptProcess:
             return ""
         self._output.seek(0)
         lines = self._output.read().decode("utf-8", "replace").strip().splitlines()
-        return f"the script ended with exit code {code}" + (f": {lines[-1][:200]}" if lines else "")
+        end = f"the script ended with exit code {code}" + (f": {lines[-1][:200]}" if lines else "")
+        replacing = [name for folder in self._folders for name in replacing_modules(folder)] if code else []
+        return end + (f"; files beside it replace modules of their names: {', '.join(replacing)}" if replacing else "")
 
     def close(self) -> None:
         """End the script, and all processes that it started."""
