@@ -93,7 +93,7 @@ class RayExecutor:
                 self._folders.close()
                 raise
         self._files = ray.put(self.files)
-        self._actor: Any = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, max_concurrency=2)(Remote)
+        self._actor: Any = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, max_concurrency=2)(Remote)
         self._versions = versions()
         self._runs: deque[Run] = deque()
         self._busy: dict[Any, tuple[Any, Run | None]] = {}
