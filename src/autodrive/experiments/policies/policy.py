@@ -170,7 +170,7 @@ class Policy:
         training = {**self.training, "slower": factor * self.training.get("slower", 1.0)}
         return replace(self, scale=scale, throttle=(low / factor, high / factor), training=training)
 
-    def save(self, file: Path) -> None:
+    def save(self, file: str | Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
         about: dict[str, Any] = {
             "format": WITH_PACE if self.pace else PLAIN,
