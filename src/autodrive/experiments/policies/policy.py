@@ -187,7 +187,7 @@ class Policy:
         arrays["about"] = np.array(json.dumps(about))
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **arrays)
-        write_file(file, data.getvalue())
+        write_file(Path(file), data.getvalue())
 
     @classmethod
     def find(cls, name: str) -> Policy:
