@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.waiting import LIMIT
+
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
     path
@@ -111,3 +113,28 @@ def test_the_site_builds_without_warnings_and_names_all_that_is_public(tmp_path:
     missing = [name for name in autodrive.__all__ if not re.search(rf'id="autodrive[\w.]*\.{name}"', api)]
     assert missing == []
     assert (tmp_path / "site" / "searchindex.js").is_file()
+
+
+NOT_ANNOTATED = {"adding_a_sensor", "campaigns", "learning", "own_task", "ros1", "ros2"}
+"""Documents whose programs define functions without annotations, or use packages without types."""
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_programs_pass_a_strict_type_checker(tmp_path: Path) -> None:
+    """The types of what they use are known, so that editors complete names and check programs of users."""
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        programs = [code for language, code in blocks(path) if language == "python"]
+        if programs and path.stem not in NOT_ANNOTATED:
+            # some imports are for the text that follows; the overloads of numpy are not complete
+            rules = "" if path.stem == "README" else ", reportUnusedImport=false, reportUnknownArgumentType=false"
+            (tmp_path / f"{path.stem}.py").write_text(f"# pyright: strict{rules}\n" + "\n".join(programs))
+    assert len([*tmp_path.iterdir()]) > 15
+    done = subprocess.run(
+        [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, tmp_path],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -52,7 +52,7 @@ PUBLIC_PROTOCOLS = {"_repr_html_", "_repr_png_", "_replace", "_asdict", "_fields
 """Of Jupyter, named tuples and `os`."""
 
 
-def test_the_first_level_has_the_groups_and_two_faces() -> None:
+def test_the_first_level_has_the_groups_and_the_faces() -> None:
     assert {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()} == {*GROUPS}
     assert {path.stem for path in PACKAGE.glob("*.py")} == {"__init__", *layers.FACES}
 

@@ -24,7 +24,7 @@ import autodrive
 from autodrive.base.cache import PACKAGE
 from autodrive.base.png import decode_png
 from autodrive.cli import preview
-from tests.support.command_line import AUTODRIVE, Started, call, interrupted_when, refused
+from tests.support.command_line import AUTODRIVE, Started, call, interrupted_when, python, refused
 from tests.support.scenes import needs_gl
 from tests.support.waiting import LIMIT
 
@@ -53,6 +53,25 @@ def test_help_names_every_command() -> None:
 
 def test_the_version_is_that_of_the_package() -> None:
     assert call("--version").stdout == f"autodrive {autodrive.__version__}\n"
+
+
+@pytest.mark.process
+def test_the_help_of_every_command_is_there_without_docstrings() -> None:
+    """With `python -OO`."""
+    program = (
+        "import sys\nfrom typer.main import get_command\nfrom autodrive.cli.app import app, main\n"
+        "sys.argv[1:] = ['--version']\ntry: main()\nexcept SystemExit: pass\n"
+        "def texts(command, name):\n"
+        "    print(name, '|', ' '.join((command.help or '').split()))\n"
+        "    for one in getattr(command, 'commands', {}): texts(command.commands[one], f'{name} {one}')\n"
+        "texts(get_command(app), 'autodrive')\n"
+    )
+    texts, stripped = (python(*option, "-c", program) for option in ([], ["-OO"]))
+    assert stripped == texts
+    assert len(texts.splitlines()) > 20
+    assert all(re.search(r"\| \w", line) for line in texts.splitlines()[1:])
+    helped = python("-OO", "-m", "autodrive", "weather", "--help")
+    assert "Print what a weather means in numbers" in " ".join(helped.split())
 
 
 @pytest.mark.process

@@ -59,4 +59,4 @@ def test_it_is_printed_where_the_terminal_is_strict(tmp_path: Path) -> None:
         timeout=LIMIT,
     )
     assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout.startswith(b"stra\\udcdfe.yaml: ")
+    assert done.stdout.startswith(b"stra\\xdfe.yaml: ")

@@ -22,7 +22,7 @@ from autodrive.run.own_files import UserFiles
 from autodrive.run.recordings import ClientRecordings
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
-from tests.support.page import ROOT, NewTab, PageServer, Tab, tabs
+from tests.support.page import ELSEWHERE, ROOT, NewTab, PageServer, Tab, tabs
 
 if TYPE_CHECKING:  # imported in each process of the tests otherwise
     from playwright.sync_api import Browser
@@ -32,6 +32,7 @@ FLAGS = [
     *("--disable-gpu", "--enable-unsafe-swiftshader"),  # as without a GPU: only WebGL is drawn by SwiftShader
     *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync"),
     *("--disable-background-networking", "--disable-component-update"),
+    f"--host-resolver-rules=MAP {ELSEWHERE} 127.0.0.1",
 ]
 
 

@@ -11,7 +11,7 @@ from autodrive.protocol.messages import EditMap, MapModule, Pause
 from autodrive.recording.replay import Replay
 from tests.page.test_replay import drive, replay
 from tests.page.test_screens import SHOW_CARDS
-from tests.support.page import ROOT, NewTab, PageServer, Tab
+from tests.support.page import ROOT, NewTab, PageServer, Tab, overlap
 
 __all__ = ["drive", "replay"]
 
@@ -90,6 +90,10 @@ def test_a_lost_server_is_named_in_a_whole_sentence_and_what_is_shown_is_marked_
     line = tab.get("banner").locator("span")
     assert line.evaluate("(line) => line.scrollWidth <= line.clientWidth")
     assert tab.text("hud-old").startswith("Old values, of 00:0")
+    for width in (1280, 1100, 720):
+        tab.page.set_viewport_size({"width": width, "height": 720})
+        assert not overlap(tab.get("banner"), tab.get("hud-old")), width
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
     assert "grayscale" in tab.page.locator("#scene").evaluate("(scene) => getComputedStyle(scene).filter")
     assert tab.page.locator("#scene").bounding_box() == {"x": 0, "y": 0, "width": 1280, "height": 720}
     check(tab, axe, "lost")

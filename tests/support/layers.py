@@ -36,8 +36,8 @@ GROUPS = (
 )
 """From the ground up. A module imports from its own group and from those before it."""
 
-FACES = {"devkit": "connect", "ros": "connect"}
-"""Modules at the root whose names launch files and users' scripts contain, and the only group that they import from."""
+FACES = {"__main__": "cli", "devkit": "connect", "ros": "connect"}
+"""Modules at the root whose names users' files and command lines contain, and the only group that they import from."""
 
 LEVEL = {group: level for level, group in enumerate(GROUPS)}
 

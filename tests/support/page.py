@@ -31,6 +31,9 @@ TIMEOUT = 180.0
 SMALL = (640, 480)
 """Default size of a tab: software rendering costs processor time for each pixel."""
 
+ELSEWHERE = "lab.test"
+"""A host name that leads the browser to this machine, but as over a network: the page is not a secure context."""
+
 NO_DRAWING = """
 for (const name of ['drawArrays', 'drawArraysInstanced', 'drawElements', 'drawElementsInstanced'])
   WebGL2RenderingContext.prototype[name] = () => {}

@@ -13,8 +13,9 @@ import { ScanView } from '../src/scene/scan'
 import { Skeleton } from '../src/scene/skeleton'
 import { TURBO } from '../src/scene/turbo'
 import { VehicleModel } from '../src/scene/vehicle'
+import { Viewpoints } from '../src/scene/viewpoints'
 import { heightAfter, ORBIT_DISTANCE, wheelClicks, zoomCamera } from '../src/scene/zoom'
-import { Store } from '../src/store'
+import { type Fly, Store } from '../src/store'
 import { frameOf, pose, sceneOf, vehicleOf } from './support'
 
 /** A vehicle at x [m] with that yaw [rad], driving forward at 1 m/s. */
@@ -296,6 +297,18 @@ describe('the fly camera', () => {
     expect(fast / slow).toBeGreaterThan(2)
   })
 
+  test('flies the same arc at any rate of images: a circle of the speed divided by the rate of turning', () => {
+    const begin = { x: 0, y: 0, z: 3, azimuth: 0, elevation: 0 }
+    const radius = flown(begin, { ...still, ahead: 1 }, 1).x / flown(begin, { ...still, turn: 1 }, 1).azimuth
+    for (const rate of [5, 60]) {
+      let fly: Fly = begin
+      for (let image = 0; image < 2 * rate; image++) fly = flown(fly, { ...still, ahead: 1, turn: 1 }, 1 / rate)
+      // chords of 0.24 rad are shorter than their arcs by a share of 0.24^2 / 24
+      expect(Math.abs(fly.x - radius * Math.sin(fly.azimuth))).toBeLessThan(0.006 * radius)
+      expect(Math.abs(fly.y - radius * (1 - Math.cos(fly.azimuth)))).toBeLessThan(0.006 * radius)
+    }
+  })
+
   test('stays above the ground, in the map, and does not turn over', () => {
     const lost = flown(start, { ...still, up: -1, tilt: 1, turn: 1, left: 1 }, 1e6)
     expect(lost.z).toBeGreaterThan(0)
@@ -309,6 +322,46 @@ describe('the fly camera', () => {
     expect([x > 0.99, y > 2, z < 3]).toEqual([true, true, true])
     const back = flownNearer(flownNearer(start, 3), -3)
     expect([back.x, back.y, back.z]).toEqual([1, 2, 3].map((one) => expect.closeTo(one)))
+  })
+})
+
+describe('the orbit', () => {
+  const TURN = 1
+  const PIXELS = 600
+
+  /** The azimuth [rad] at these times [s] after a drag of `TURN`, drawn at that rate [Hz]. */
+  function turned(rate: number, times: readonly number[]): number[] {
+    const canvas = document.createElement('canvas')
+    Object.defineProperty(canvas, 'clientHeight', { value: PIXELS })
+    document.body.append(canvas)
+    canvas.setPointerCapture = canvas.releasePointerCapture = () => {}
+    const store = new Store()
+    const start = { azimuth: 0.5, elevation: 0.4, distance: 2 }
+    store.orbit.value = start
+    const viewpoints = new Viewpoints(canvas, store)
+    const vehicle = { position: new Vector3(1, 2, 0), orientation: new Quaternion() }
+    const draw = (dt: number) =>
+      viewpoints.update('Orbit', sceneOf(['V1']), vehicle, dt, { height: 3, halfLength: 0.2, zoom: 1 })
+    draw(0) // no time has passed: what the drag turns is left as a whole
+    const drag = (type: string, x: number) =>
+      canvas.dispatchEvent(new PointerEvent(type, { pointerType: 'mouse', bubbles: true, clientX: x }))
+    drag('pointerdown', 0)
+    drag('pointermove', (-TURN * PIXELS) / (2 * Math.PI))
+    drag('pointerup', (-TURN * PIXELS) / (2 * Math.PI))
+    const after: number[] = []
+    for (let image = 1; after.length < times.length; image++) {
+      draw(1 / rate)
+      if (image / rate > times[after.length] - 1e-9) after.push((store.orbit.value?.azimuth ?? NaN) - start.azimuth)
+    }
+    viewpoints.dispose()
+    canvas.remove()
+    return after
+  }
+
+  test.each([5, 20, 60, 240])('eases by time: half of a movement is left after 0.09 s, at %i images/s', (rate) => {
+    const times = [0.2, 0.4, 1, 8]
+    const left = turned(rate, times).map((azimuth) => 1 - azimuth / TURN)
+    expect(left).toEqual(times.map((time) => expect.closeTo(0.5 ** (time / 0.09), 4)))
   })
 })
 

@@ -124,7 +124,7 @@ def quotas(root: Path = Path("/")) -> list[float]:
     """Processors that the control groups of this process may use: version 2, else 1; empty without a limit."""
     found: list[float] = []
     with contextlib.suppress(OSError):
-        for entry in (root / "proc/self/cgroup").read_text().splitlines():
+        for entry in os.fsdecode((root / "proc/self/cgroup").read_bytes()).splitlines():
             _, controllers, path = entry.split(":", 2)
             folder = root / "sys/fs/cgroup"
             if controllers:
@@ -141,11 +141,11 @@ def quotas(root: Path = Path("/")) -> list[float]:
 def _quota(folder: Path, *, is_old: bool) -> float:
     """Processors of one control group. Raises `ValueError` without a limit."""
     if is_old:
-        quota, period = (float((folder / f"cpu.cfs_{name}_us").read_text()) for name in ("quota", "period"))
+        quota, period = (float((folder / f"cpu.cfs_{name}_us").read_bytes()) for name in ("quota", "period"))
         if quota <= 0:
             raise ValueError
     else:
-        quota, period = map(float, (folder / "cpu.max").read_text().split())  # 'max' is no number
+        quota, period = map(float, (folder / "cpu.max").read_bytes().split())  # 'max' is no number
     return quota / period
 
 

@@ -5,7 +5,10 @@ Modules of commands import only what the help needs; a command imports the rest 
 
 from __future__ import annotations
 
+import ast
+import contextlib
 import errno
+import inspect
 import io
 import os
 import re
@@ -45,6 +48,8 @@ def main(interrupt: Any = None) -> None:
     `interrupt`: the handler of Ctrl-C from now on; None: as it is.
     """
     sys.stdout, sys.stderr = _lasting(sys.stdout), _lasting(sys.stderr)
+    if sys.flags.optimize > 1:
+        _restore_help(app)
     try:
         if interrupt is not None:
             signal.signal(signal.SIGINT, interrupt)
@@ -106,6 +111,18 @@ app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")
 
 
+def _restore_help(of: typer.Typer) -> None:
+    """Read the texts of the help from the source: `python -OO` has removed the docstrings, which contain them."""
+    for command in (*of.registered_commands, of.registered_callback):
+        if command is not None and command.callback is not None:
+            with contextlib.suppress(OSError):  # the source is not installed
+                (definition,) = ast.parse(inspect.getsource(command.callback)).body
+                command.help = ast.get_docstring(definition)  # pyright: ignore[reportArgumentType]
+    for group in of.registered_groups:
+        if group.typer_instance is not None:
+            _restore_help(group.typer_instance)
+
+
 class LastingStream:
     """Discards what is written after the reader has ended, as in `autodrive run | head -1`: the command goes on.
 
@@ -123,7 +140,7 @@ class LastingStream:
     def write(self, text: str) -> int:
         """As that of the stream."""
         try:
-            return self._stream.write(text)
+            return self._stream.write(encodable(text) if self._stream.errors == "backslashreplace" else text)
         except BrokenPipeError:
             self._discard()
             return len(text)

@@ -238,7 +238,7 @@ def _devkit() -> Check:
 def _output(*command: str) -> str:
     """First line of the output of a program; empty if it cannot run."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.partition("\n")[0].strip()

@@ -9,6 +9,7 @@ from autodrive.scenario.scenario import BoxSpec as BoxSpec
 from autodrive.scenario.scenario import RaceSpec as RaceSpec
 from autodrive.scenario.scenario import Scenario as Scenario
 from autodrive.scenario.scenario import ScenarioSpec as ScenarioSpec
+from autodrive.scenario.scenario import TrafficSpec as TrafficSpec
 from autodrive.scenario.scenario import VehiclePlacement as VehiclePlacement
 from autodrive.scenario.scenario import load_scenario as load_scenario
 from autodrive.scenario.scenario import with_paths_of as with_paths_of

@@ -19,8 +19,15 @@ export function flown(fly: Fly, input: FlyInput, dt: number): Fly {
   const { ahead, left, up, turn, tilt } = input
   if (![ahead, left, up, turn, tilt].some(Boolean)) return fly
   const times = dt * (input.isFast ? FAST : 1)
-  const turned = lookedAside(fly, times * TURN_RATE * turn, times * TURN_RATE * tilt)
-  return moved(turned, times * SPEED * ahead, times * SPEED * left, times * SPEED * up)
+  // half of the turn before the way and half after it: the path is the same arc at any rate of images
+  const half = 0.5 * times * TURN_RATE
+  const way = moved(
+    lookedAside(fly, half * turn, half * tilt),
+    times * SPEED * ahead,
+    times * SPEED * left,
+    times * SPEED * up,
+  )
+  return lookedAside(way, half * turn, half * tilt)
 }
 
 /** Moves the camera along the direction in which it looks, nearer by that number of clicks of the mouse wheel. */

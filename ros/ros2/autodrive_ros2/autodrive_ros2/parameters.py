@@ -48,7 +48,7 @@ def _urdf(config: Config, node: Node) -> str:
         return given
     try:
         own = given or f"{get_package_share_directory('autodrive_description')}/urdf/{config.car.name}.urdf"
-        return Path(own).read_text()
+        return Path(own).read_text(encoding="utf-8")
     except (PackageNotFoundError, OSError) as error:
         node.get_logger().warning(
             f"no robot description, so no frames of sensors and wheels ({error}). Build the package "

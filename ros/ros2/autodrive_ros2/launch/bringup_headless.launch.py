@@ -75,6 +75,6 @@ def _within(namespace: str, config: Path) -> str:
             }
         return [moved(one) for one in node] if isinstance(node, list) else node
 
-    with tempfile.NamedTemporaryFile("w", suffix=".rviz", delete=False) as file:
-        yaml.safe_dump(moved(yaml.safe_load(config.read_text())), file)
+    with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".rviz", delete=False) as file:
+        yaml.safe_dump(moved(yaml.safe_load(config.read_text(encoding="utf-8"))), file)
     return file.name

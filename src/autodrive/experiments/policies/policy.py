@@ -170,7 +170,7 @@ class Policy:
         training = {**self.training, "slower": factor * self.training.get("slower", 1.0)}
         return replace(self, scale=scale, throttle=(low / factor, high / factor), training=training)
 
-    def save(self, file: Path) -> None:
+    def save(self, file: str | Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
         about: dict[str, Any] = {
             "format": WITH_PACE if self.pace else PLAIN,
@@ -187,7 +187,7 @@ class Policy:
         arrays["about"] = np.array(json.dumps(about))
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **arrays)
-        write_file(file, data.getvalue())
+        write_file(Path(file), data.getvalue())
 
     @classmethod
     def find(cls, name: str) -> Policy:

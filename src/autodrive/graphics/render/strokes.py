@@ -104,7 +104,7 @@ class StrokePass:
         self._corners = context.buffer(corners.tobytes())
         self._numbers: dict[str, int] = {}
         self._image = context.texture((COLUMNS * WIDTH, ROWS * HEIGHT), 4)
-        self._add({NO_CHARACTER, *map(chr, range(ord("!"), ord("~") + 1)), "°", "µ"})
+        self._add({NO_CHARACTER, *map(chr, range(ord("!"), ord("~") + 1)), "°", "µ"})  # noqa: RUF001  the sign of a unit
 
     def draw(self, strokes: Strokes, view: View) -> None:
         """Draw them as `view` sees them."""

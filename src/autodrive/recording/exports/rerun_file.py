@@ -17,6 +17,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from autodrive.base.texts import encodable
 from autodrive.protocol.channels import CHANNELS
 from autodrive.protocol.messages import LidarScan
 from autodrive.recording import Recording
@@ -36,7 +37,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     for name in names:
         with recording.scenario_spec(recording.scenario_of(name)) as spec:
             vehicles[name] = load_vehicle(spec.vehicles[name].type)
-    stream = rr.RecordingStream("autodrive", recording_id=recording.path.stem)
+    stream = rr.RecordingStream("autodrive", recording_id=encodable(recording.path.stem))
     with _written(path) as target, contextlib.ExitStack() as stack:
         stack.callback(stream.disconnect)  # writes what is left, and the index of the file
         stream.save(str(target), default_blueprint=_view(recording, names))
