@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -17,31 +16,28 @@ from autodrive.scenario.maps.track_map import Barrier, barriers
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
-    from autodrive.scenario.tracks.track import Track
+    from autodrive.scenario.tracks.track import BarrierSpec, Track
 
 WALL = Material("barrier", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
 COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
 DUCT = Material("duct", (1.0, 1.0, 1.0), roughness=0.65, texture="duct")
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-SIDE = 2.0 / 3.0
-"""Share of the height of a duct up to which it is drawn as steep as the box that vehicles and LIDARs hit: above the
-LIDARs of all vehicles. From there on it is an arch."""
 PROFILE = (
     ((-1.0, -1.0), (-0.8, -0.6)),
-    *(
-        ((math.cos(angle), 2.0 * (SIDE + (1.0 - SIDE) * math.sin(angle)) - 1.0), (math.cos(angle), math.sin(angle)))
-        for angle in np.linspace(math.pi, 0.0, 7)
-    ),
+    ((-1.0, 0.0), (-1.0, 0.0)),
+    ((-1.0, 1.0), (-0.9, 0.44)),
+    ((0.0, 1.0), (0.0, 1.0)),
+    ((1.0, 1.0), (0.9, 0.44)),
+    ((1.0, 0.0), (1.0, 0.0)),
     ((1.0, -1.0), (0.8, -0.6)),
 )
 """Edges and normals around a duct, from its face over the top to its back: to the back and up, -1 to 1.
 
-The normals at the floor shade the sides like those of a round duct.
+The edges are those of the box that vehicles and LIDARs hit; the normals shade it like a round duct.
 """
 STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
-"""What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own
-duct."""
+"""What casts the shadow has every second edge of what is drawn, which is the same box."""
 DUCT_FOOT, WALL_FOOT = 0.5, 0.65
 """Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
 BEHIND = 0.001
@@ -58,36 +54,38 @@ def barrier_nodes(track: Track) -> Iterator[AssetNode]:
 
 def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
     """The surfaces of each node."""
-    height = track.barrier.height
     found = barriers(track)
     for barrier, back in zip(found, _backs(found) if found else [], strict=True):
         for part, first, last in _chunks(barrier):
-            line = (barrier.points[part], back[part], height)
-            if track.barrier.kind == "duct":
-                yield {detail: _duct(*line, first, last, detail) for detail in STEPS}
-            else:
-                yield dict.fromkeys(STEPS, _wall(*line))
-        for piece in _pieces_beyond_the_ends(barrier):
-            yield {detail: _duct(*piece, height, True, True, detail) for detail in STEPS}
+            yield _solid(track.barrier, barrier.points[part], back[part], first, last)
+        for piece in _pieces_beyond(barrier, back):
+            yield _solid(track.barrier, *piece, True, True)
 
 
-def _pieces_beyond_the_ends(barrier: Barrier) -> Iterator[tuple[Floats, Floats]]:
-    """Face and vectors to the back edge of each solid piece that is farther out than the end of a duct beside it.
+def _solid(
+    spec: BarrierSpec, points: Floats, back: Floats, first: bool, last: bool
+) -> dict[Detail, tuple[MeshSurface, ...]]:
+    """The surfaces between a line along the face and its back edge; `first`, `last`: whether that end is visible."""
+    if spec.kind == "wall":
+        return dict.fromkeys(STEPS, _wall(points, back, spec.height, first, last))
+    return {detail: _duct(points, back, spec.height, first, last, detail) for detail in STEPS}
 
-    If a duct begins or ends at a corner, the square end of the piece behind the corner shows in the gap.
+
+def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """Face and vectors to the back edge of each solid piece that reaches out of what is drawn with mitred corners.
+
+    It is a piece with a square end at a sharp corner or at the end of a duct, or a thick one between thin ones.
     """
-    if barrier.is_closed:
-        return
     step = np.diff(barrier.points, axis=0)
     ahead = step / np.linalg.norm(step, axis=1)[:, None]
-    back = np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
-    is_beyond = np.zeros(len(back), bool)
-    for end, outward in ((barrier.points[0], -ahead[0]), (barrier.points[-1], ahead[-1])):
-        for corner in (barrier.points[:-1] + back, barrier.points[1:] + back):
-            is_beside = np.linalg.norm(corner - end, axis=1) < 2.0 * barrier.depth
-            is_beyond |= is_beside & ((corner - end) @ outward > 2.0 * BEHIND)
-    for k in np.flatnonzero(is_beyond).tolist():
-        yield barrier.points[k : k + 2], back[[k, k]]
+    deep = np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
+    begin, end, behind = barrier.points[:-1], barrier.points[1:], barrier.points + back
+    drawn = shapely.STRtree(shapely.polygons(np.stack([begin, end, behind[1:], behind[:-1]], axis=1)))
+    corners = shapely.points(np.vstack([begin + deep, end + deep]))
+    inside, _ = drawn.query(corners, predicate="dwithin", distance=2.0 * BEHIND)
+    is_beyond = ~np.isin(np.arange(2 * len(deep)), inside).reshape(2, -1)
+    for k in np.flatnonzero(is_beyond.any(axis=0)).tolist():
+        yield barrier.points[k : k + 2], deep[[k, k]]
 
 
 def _backs(found: list[Barrier]) -> list[Floats]:
@@ -152,12 +150,10 @@ def _chunks(barrier: Barrier) -> Iterator[tuple[slice, bool, bool]]:
         yield slice(a, b + 1), a == 0 and not barrier.is_closed, b == len(points) - 1 and not barrier.is_closed
 
 
-def _wall(points: Floats, back: Floats, height: float) -> tuple[MeshSurface, ...]:
-    behind = points + back
-    front = _strip(_at(points, 0.0), _at(points, height))
-    rear = _strip(_at(behind, height), _at(behind, 0.0))
-    top = _strip(_at(points, height), _at(behind, height))
-    sides = joined([front, rear]).dim_below(height, WALL_FOOT)
+def _wall(points: Floats, back: Floats, height: float, first: bool, last: bool) -> tuple[MeshSurface, ...]:
+    rims = [_at(points, 0.0), _at(points, height), _at(points + back, height), _at(points + back, 0.0)]
+    front, top, rear = (_strip(low, high) for low, high in itertools.pairwise(rims))
+    sides = joined([front, rear, *_caps(rims, first, last)]).dim_below(height, WALL_FOOT)
     return sides.surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
 
 
@@ -167,13 +163,27 @@ def _duct(
     """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     periods = along / along[-1] * max(1.0, np.round(along[-1] / RING_PERIOD))  # as many whole ones as fit
-    rims: list[tuple[Floats, Floats]] = []
-    for (outward, up), normal in PROFILE[:: STEPS[detail]]:
-        rim = _at(points + back * (0.5 + 0.5 * outward), height * (0.5 + 0.5 * up))
-        rims.append((rim, _normal(back, *normal)))
-    sides = [_strip(low[0], high[0], low[1], high[1], periods=periods) for low, high in itertools.pairwise(rims)]
-    caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
-    return (joined([*sides, *caps]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
+    profile = PROFILE[:: STEPS[detail]]
+    rims = [_at(points + back * (0.5 + 0.5 * outward), height * (0.5 + 0.5 * up)) for (outward, up), _ in profile]
+    normals = [_normal(back, *normal) for _, normal in profile]
+    sides = [_strip(*edges, periods=periods) for edges in zip(rims, rims[1:], normals, normals[1:], strict=False)]
+    return (joined([*sides, *_caps(rims, first, last)]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
+
+
+def _caps(rims: list[Floats], first: bool, last: bool) -> Iterator[Mesh]:
+    """The first and the last end of a solid with these edges, as fans of triangles.
+
+    Those of a duct are as light as the duct: far gaps between ducts are then no dark dots.
+    """
+    for k, is_end in ((0, first), (-1, last)):
+        if is_end:
+            outline = np.array([rim[k] for rim in rims])
+            n, top = len(outline), len(outline) // 2  # a fan from the foot would have triangles without area
+            around = [(top + step) % n for step in range(1, n)]
+            triangles = np.array([[top, c, b] if k == 0 else [top, b, c] for b, c in itertools.pairwise(around)])
+            a, b, c = outline[triangles[0]]
+            facing = np.cross(b - a, c - a)
+            yield Mesh(outline, np.tile(facing / np.linalg.norm(facing), (n, 1)), triangles, np.zeros((n, 2)))
 
 
 def _at(points: Floats, z: float) -> Floats:
@@ -214,11 +224,3 @@ def _strip(
     uvs = np.stack([np.column_stack(at) for at in ((a, zero), (a, -up), (b, -up), (b, zero))], axis=1)
     triangles = 4 * np.arange(len(corners))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), triangles.reshape(-1, 3), uvs.reshape(-1, 2))
-
-
-def _cap(outline: Floats, is_first: bool) -> Mesh:
-    """The end of a duct as a fan of triangles, as light as the duct: far gaps between ducts are then no dark dots."""
-    n = len(outline)
-    triangles = np.array([[0, k, k + 1] if is_first else [0, k + 1, k] for k in range(1, n - 1)])
-    facing = np.cross(outline[triangles[2, 1]] - outline[0], outline[triangles[2, 2]] - outline[0])
-    return Mesh(outline, np.tile(facing / np.linalg.norm(facing), (n, 1)), triangles, np.zeros((n, 2)))
