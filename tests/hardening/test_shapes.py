@@ -22,13 +22,10 @@ pytestmark = needs_gl
 VIEWS = cases(2, 6)
 PROBES = 10
 """Of a view: places in it at which a cube looks for contacts."""
-ARCH, ARCH_BULGE = 2.0 / 3.0, 0.2
-"""A duct is drawn as an arch from that share of its height on, and hit as a box: the edge of the box is farther out by
-at most that share of the larger one of width and height."""
 
 
 @pytest.mark.filterwarnings("ignore:.*is outside the walls of map", "ignore:.*map .* is a draft")
-@pytest.mark.parametrize("seed", cases((5, 9, 28), tuple(range(200))))
+@pytest.mark.parametrize("seed", cases((9, 28, 135), tuple(range(200))))
 def test_cameras_lidars_and_contacts_agree(seed: int, tmp_path: Path) -> None:
     shapes = Shapes(random_scenario(seed, tmp_path))
     rng = np.random.default_rng(seed + 1000)
@@ -58,23 +55,11 @@ def eye(map_: Map, rng: np.random.Generator) -> tuple[float, float, float]:
     return x, y, float(rng.uniform(0.03, 0.98)) * map_.track.barrier.height
 
 
-def arch_from(map_: Map) -> float:
-    """Height from which on the ducts of a track are drawn as an arch [m]."""
-    is_duct = map_.track is not None and map_.track.barrier.kind == "duct"
-    return ARCH * map_.track.barrier.height if is_duct and map_.track else math.inf
-
-
 def check_surfaces(shapes: Shapes, hits: Hits) -> None:
     """What is drawn is where the rays of LIDARs and of MuJoCo end."""
     assert_equal_but_at_one_rim(hits.lidar, hits.contact)
     apart = shapes.apart(hits)
-    height = hits.origin[2] + np.minimum(hits.camera, hits.lidar) * hits.directions[:, 2]
-    is_arch = height > arch_from(shapes.compiled.map) - 1e-3
-    track = shapes.compiled.map.track
-    worst = int(np.argmax(np.where(is_arch, 0.0, apart)))
-    assert apart[~is_arch].max(initial=0.0) < TOLERANCE, (hits.origin, hits.directions[worst])
-    if track is not None:
-        assert apart.max() < ARCH_BULGE * max(track.barrier.width, track.barrier.height)
+    assert apart.max() < TOLERANCE, (hits.origin, hits.directions[int(np.argmax(apart))])
 
 
 def assert_equal_but_at_one_rim(a: Floats, b: Floats) -> None:
@@ -88,12 +73,12 @@ def check_contacts(shapes: Shapes, hits: Hits, rng: np.random.Generator) -> None
     for k in rng.permutation(np.flatnonzero(np.isfinite(hits.camera)))[:PROBES].tolist():
         point = hits.point(float(hits.camera[k]), k)
         _, normal = nearest_triangle(shapes.triangles, point)
-        if point[2] < arch_from(shapes.compiled.map) - PROBE and (abs(normal[2]) < 1e-3 or abs(normal[2]) > 0.999):
+        if abs(normal[2]) < 1e-3 or abs(normal[2]) > 0.999:
             assert shapes.touched(point, math.atan2(normal[1], normal[0])), point
             touches += 1
         ahead = hits.point(float(hits.camera[k] * rng.uniform(0.3, 1.0)), k)
         clearance, _ = nearest_triangle(shapes.triangles, ahead)
-        if clearance > math.sqrt(0.75) * PROBE + TOLERANCE and ahead[2] < arch_from(shapes.compiled.map) - PROBE:
+        if clearance > math.sqrt(0.75) * PROBE + TOLERANCE:
             assert not shapes.touched(ahead, float(rng.uniform(-3.0, 3.0))), ahead
             free += 1
     assert touches + free > 0 or np.isinf(hits.camera).all()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -24,30 +23,35 @@ COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
 DUCT = Material("duct", (1.0, 1.0, 1.0), roughness=0.65, texture="duct")
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-SIDE = 2.0 / 3.0
-"""Share of the height of a duct up to which it is drawn as steep as the box that vehicles and LIDARs hit: above the
-LIDARs of all vehicles. From there on it is an arch."""
-PROFILE = (
+DUCT_PROFILE = (
     ((-1.0, -1.0), (-0.8, -0.6)),
-    *(
-        ((math.cos(angle), 2.0 * (SIDE + (1.0 - SIDE) * math.sin(angle)) - 1.0), (math.cos(angle), math.sin(angle)))
-        for angle in np.linspace(math.pi, 0.0, 7)
-    ),
+    ((-1.0, 0.0), (-1.0, 0.0)),
+    ((-1.0, 1.0), (-0.9, 0.44)),
+    ((0.0, 1.0), (0.0, 1.0)),
+    ((1.0, 1.0), (0.9, 0.44)),
+    ((1.0, 0.0), (1.0, 0.0)),
     ((1.0, -1.0), (0.8, -0.6)),
 )
 """Edges and normals around a duct, from its face over the top to its back: to the back and up, -1 to 1.
 
-The normals at the floor shade the sides like those of a round duct.
+The edges are those of the box that vehicles and LIDARs hit; the normals shade it like a round duct.
 """
+WALL_PROFILE = (((-1.0, -1.0), None), ((-1.0, 1.0), None), ((1.0, 1.0), None), ((1.0, -1.0), None))
+"""Likewise around a wall, whose faces look flat."""
 STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
-"""What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own
-duct."""
+"""What casts the shadow has every second edge of what is drawn, which is the same box."""
 DUCT_FOOT, WALL_FOOT = 0.5, 0.65
 """Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
 BEHIND = 0.001
 """The back of a barrier is at least this far behind its face [m], and begins to look for other faces there."""
+TEXTURE_SIZE = 0.5
+"""Width and height of the texture of a wall [m]."""
 RING_PERIOD = 0.5
 """Distance between the dark rings of a duct, about [m]; its texture has one."""
+
+
+_Edge: TypeAlias = tuple[tuple[float, float], tuple[float, float] | None]
+"""As in `DUCT_PROFILE`."""
 
 
 def barrier_nodes(track: Track) -> Iterator[AssetNode]:
@@ -58,36 +62,47 @@ def barrier_nodes(track: Track) -> Iterator[AssetNode]:
 
 def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
     """The surfaces of each node."""
-    height = track.barrier.height
+    spec = track.barrier
     found = barriers(track)
     for barrier, back in zip(found, _backs(found) if found else [], strict=True):
-        for part, first, last in _chunks(barrier):
-            line = (barrier.points[part], back[part], height)
-            if track.barrier.kind == "duct":
-                yield {detail: _duct(*line, first, last, detail) for detail in STEPS}
+        for line in (*_chunks(barrier, back), *_pieces_beyond(barrier, back)):
+            if spec.kind == "duct":
+                yield {detail: _duct(line, spec.height, detail) for detail in STEPS}
             else:
-                yield dict.fromkeys(STEPS, _wall(*line))
-        for piece in _pieces_beyond_the_ends(barrier):
-            yield {detail: _duct(*piece, height, True, True, detail) for detail in STEPS}
+                yield dict.fromkeys(STEPS, _wall(line, spec.height))
 
 
-def _pieces_beyond_the_ends(barrier: Barrier) -> Iterator[tuple[Floats, Floats]]:
-    """Face and vectors to the back edge of each solid piece that is farther out than the end of a duct beside it.
+class _Line(NamedTuple):
+    """A part of a barrier."""
 
-    If a duct begins or ends at a corner, the square end of the piece behind the corner shows in the gap.
+    points: Floats
+    """On its face [m], shape (n, 2)."""
+    back: Floats
+    """Vectors from these points to the back edge of the top, with mitred corners [m], shape (n, 2)."""
+    deep: Floats
+    """Vectors from the face of each solid piece to its back [m], shape (n - 1, 2)."""
+
+
+def _deep(barrier: Barrier) -> Floats:
+    """As `_Line.deep`."""
+    ahead = np.diff(barrier.points, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    return np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
+
+
+def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+    """Each solid piece whose top is not covered by the top with mitred corners.
+
+    It is a piece at a sharp corner, or a thick one between thin ones.
     """
-    if barrier.is_closed:
-        return
-    step = np.diff(barrier.points, axis=0)
-    ahead = step / np.linalg.norm(step, axis=1)[:, None]
-    back = np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
-    is_beyond = np.zeros(len(back), bool)
-    for end, outward in ((barrier.points[0], -ahead[0]), (barrier.points[-1], ahead[-1])):
-        for corner in (barrier.points[:-1] + back, barrier.points[1:] + back):
-            is_beside = np.linalg.norm(corner - end, axis=1) < 2.0 * barrier.depth
-            is_beyond |= is_beside & ((corner - end) @ outward > 2.0 * BEHIND)
-    for k in np.flatnonzero(is_beyond).tolist():
-        yield barrier.points[k : k + 2], back[[k, k]]
+    deep = _deep(barrier)
+    begin, end, behind = barrier.points[:-1], barrier.points[1:], barrier.points + back
+    tops = shapely.convex_hull(shapely.multipoints(np.stack([begin, end, behind[1:], behind[:-1]], axis=1)))
+    covered = shapely.union_all(tops).buffer(2.0 * BEHIND)
+    shapely.prepare(covered)
+    pieces = shapely.polygons(np.stack([begin, end, end + deep, begin + deep], axis=1))
+    for k in np.flatnonzero(~shapely.covers(covered, pieces)).tolist():
+        yield _Line(barrier.points[k : k + 2], deep[[k, k]], deep[[k]])
 
 
 def _backs(found: list[Barrier]) -> list[Floats]:
@@ -139,9 +154,9 @@ def _mitres(barrier: Barrier) -> tuple[Floats, Floats]:
     return back * stretch[:, None], depth
 
 
-def _chunks(barrier: Barrier) -> Iterator[tuple[slice, bool, bool]]:
-    """The points of each node, and whether the barrier begins or ends there."""
-    points = barrier.points
+def _chunks(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+    """The barrier in parts of about `CHUNK`."""
+    points, deep = barrier.points, _deep(barrier)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     cuts = [0]
     for i in range(1, len(points) - 1):
@@ -149,31 +164,63 @@ def _chunks(barrier: Barrier) -> Iterator[tuple[slice, bool, bool]]:
             cuts.append(i)
     cuts.append(len(points) - 1)
     for a, b in itertools.pairwise(cuts):
-        yield slice(a, b + 1), a == 0 and not barrier.is_closed, b == len(points) - 1 and not barrier.is_closed
+        yield _Line(points[a : b + 1], back[a : b + 1], deep[a:b])
 
 
-def _wall(points: Floats, back: Floats, height: float) -> tuple[MeshSurface, ...]:
-    behind = points + back
-    front = _strip(_at(points, 0.0), _at(points, height))
-    rear = _strip(_at(behind, height), _at(behind, 0.0))
-    top = _strip(_at(points, height), _at(behind, height))
-    sides = joined([front, rear]).dim_below(height, WALL_FOOT)
+def _wall(line: _Line, height: float) -> tuple[MeshSurface, ...]:
+    along = _along(line) / TEXTURE_SIZE
+    front, top, rear = (_band(line, height, *edges, along) for edges in itertools.pairwise(WALL_PROFILE))
+    sides = joined([front, rear, _ends(line, height)]).dim_below(height, WALL_FOOT)
     return sides.surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
 
 
-def _duct(
-    points: Floats, back: Floats, height: float, first: bool, last: bool, detail: Detail
-) -> tuple[MeshSurface, ...]:
-    """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+def _duct(line: _Line, height: float, detail: Detail) -> tuple[MeshSurface, ...]:
+    """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel.
+
+    Its ends are as light as the duct: far gaps between ducts are then no dark dots.
+    """
+    along = _along(line)
     periods = along / along[-1] * max(1.0, np.round(along[-1] / RING_PERIOD))  # as many whole ones as fit
-    rims: list[tuple[Floats, Floats]] = []
-    for (outward, up), normal in PROFILE[:: STEPS[detail]]:
-        rim = _at(points + back * (0.5 + 0.5 * outward), height * (0.5 + 0.5 * up))
-        rims.append((rim, _normal(back, *normal)))
-    sides = [_strip(low[0], high[0], low[1], high[1], periods=periods) for low, high in itertools.pairwise(rims)]
-    caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
-    return (joined([*sides, *caps]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
+    edges = itertools.pairwise(DUCT_PROFILE[:: STEPS[detail]])
+    bands = [_band(line, height, low, high, periods) for low, high in edges]
+    return (joined([*bands, _ends(line, height)]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
+
+
+def _along(line: _Line) -> Floats:
+    """Way along the face to each point [m], shape (n,)."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.points, axis=0), axis=1))])
+
+
+def _band(line: _Line, height: float, low: _Edge, high: _Edge, along: Floats) -> Mesh:
+    """Quadrilaterals between two edges of a profile, one for each piece: mitred, but square at the back.
+
+    `along`: horizontal texture coordinate of each point, shape (n,).
+    """
+    (at_low, low_normal), (at_high, high_normal) = low, high
+    is_rear = at_low[0] == at_high[0] == 1.0
+    begin, end = (line.deep, line.deep) if is_rear else (line.back[:-1], line.back[1:])
+    sections = ((line.points[:-1], begin), (line.points[1:], end))
+    a, b, d, c = (_edge(*section, height, *at) for section in sections for at in (at_low, at_high))
+    normals = None
+    if low_normal and high_normal:
+        low_begin, high_begin, low_end, high_end = (
+            _normal(back, *normal) for back in (begin, end) for normal in (low_normal, high_normal)
+        )
+        normals = np.stack([low_begin, high_begin, high_end, low_end], axis=1)
+    return _quads(np.stack([a, b, c, d], axis=1), along[:-1], along[1:], normals)
+
+
+def _ends(line: _Line, height: float) -> Mesh:
+    """The square ends of all solid pieces: they show at the ends of a duct, and between two pieces behind a bend."""
+    begin, end = line.points[:-1], line.points[1:]
+    a, b = np.vstack([begin + line.deep, end]), np.vstack([begin, end + line.deep])
+    zero = np.zeros(len(a))
+    return _quads(np.stack([_at(a, 0.0), _at(a, height), _at(b, height), _at(b, 0.0)], axis=1), zero, zero)
+
+
+def _edge(points: Floats, back: Floats, height: float, outward: float, up: float) -> Floats:
+    """An edge of a profile [m], shape (n, 3)."""
+    return _at(points + back * (0.5 + 0.5 * outward), height * (0.5 + 0.5 * up))
 
 
 def _at(points: Floats, z: float) -> Floats:
@@ -185,40 +232,19 @@ def _normal(back: Floats, outward: float, up: float) -> Floats:
     return np.column_stack([flat * outward, np.full(len(back), up)])
 
 
-def _strip(
-    low: Floats,
-    high: Floats,
-    low_normal: Floats | None = None,
-    high_normal: Floats | None = None,
-    *,
-    periods: Floats | None = None,
-) -> Mesh:
-    """Quadrilaterals between two lines; the outside is where `high` is to the left of, or above, `low`.
+def _quads(corners: Floats, begin: Floats, end: Floats, normals: Floats | None = None) -> Mesh:
+    """Quadrilaterals, shape (n, 4, 3), with corners lower right, upper right, upper left, lower left from outside.
 
-    Seen from outside, the lines run from right to left. `periods`: of a texture that is constant from `low` to `high`,
-    at each point; without it, a texture is 0.5 m wide and high.
+    `begin`, `end`: horizontal texture coordinates of the right and of the left side. With normals, the texture is
+    constant upwards; without them, the faces look flat, and a texture is `TEXTURE_SIZE` high.
     """
-    corners = np.stack([low[:-1], high[:-1], high[1:], low[1:]], axis=1)
-    if low_normal is None or high_normal is None:
+    up = np.zeros(len(corners))
+    if normals is None:
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
         facing /= np.maximum(np.linalg.norm(facing, axis=1), 1e-12)[:, None]
         normals = np.repeat(facing[:, None], 4, axis=1)
-    else:
-        normals = np.stack([low_normal[:-1], high_normal[:-1], high_normal[1:], low_normal[1:]], axis=1)
-    up = np.zeros(len(corners))
-    if periods is None:
-        periods = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(low, axis=0), axis=1))]) / 0.5
-        up = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) / 0.5
+        up = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) / TEXTURE_SIZE
     zero = np.zeros(len(corners))
-    a, b = periods[:-1], periods[1:]
-    uvs = np.stack([np.column_stack(at) for at in ((a, zero), (a, -up), (b, -up), (b, zero))], axis=1)
+    uvs = np.stack([np.column_stack(at) for at in ((begin, zero), (begin, -up), (end, -up), (end, zero))], axis=1)
     triangles = 4 * np.arange(len(corners))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), triangles.reshape(-1, 3), uvs.reshape(-1, 2))
-
-
-def _cap(outline: Floats, is_first: bool) -> Mesh:
-    """The end of a duct as a fan of triangles, as light as the duct: far gaps between ducts are then no dark dots."""
-    n = len(outline)
-    triangles = np.array([[0, k, k + 1] if is_first else [0, k + 1, k] for k in range(1, n - 1)])
-    facing = np.cross(outline[triangles[2, 1]] - outline[0], outline[triangles[2, 2]] - outline[0])
-    return Mesh(outline, np.tile(facing / np.linalg.norm(facing), (n, 1)), triangles, np.zeros((n, 2)))

@@ -37,7 +37,7 @@ class BarrierSpec(Spec):
     """What stands along the edges of a track, behind the faces that `Track.walls` gives."""
 
     kind: Literal["wall", "duct"] = "wall"
-    """'duct': a flexible air duct on the floor, as on RoboRacer tracks; LIDARs and vehicles hit the box around it."""
+    """'duct': a flexible air duct on the floor, as on RoboRacer tracks; its solid shape is the box around it."""
     width: Length = 0.1
     """Thickness of a wall, or diameter of a duct [m]. It is thinner where another face is behind it."""
     height: Length = 0.33
