@@ -1,11 +1,9 @@
-"""Import paths that the documentation names, now and before the package was regrouped."""
+"""Import paths that the documentation names."""
 
 from __future__ import annotations
 
 import importlib
 import re
-import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
@@ -15,23 +13,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "examples").rglob("*.[mp][dy]"))]
-_FORMER_NAMES = """
-assets.asset.Label batch.BatchWorld batch.Readings bridge.devkit.DevkitBridge cameras.batch_camera.BatchCamera
-campaigns.Campaign campaigns.run_campaign client.Client client.NoSimulatorError devkit.Nigel devkit.RoboRacer
-devkit.drive devkit.server devkit.vehicles elementary envs.conditions.Conditions envs.episodes.observed
-envs.parallel_env.DrivingParallelEnv envs.race_env.RaceParallelEnv envs.task.Observation errors.AutodriveError
-exports.comparison.compare_recording exports.recorder_layout factory.make identification.Drive identification.Fitted
-identification.Identification identification.IdentificationError identification.VehicleFile identification.identify
-identification.read_drive maps.map.Map maps.map.MapSpec maps.map.load_map maps.raster.write_occupancy
-model.model_digest policies.Policy policies.racer.PolicyRacer policies.racer.drive_laps policies.racer.INPUTS
-protocol.channels.CHANNELS protocol.messages.IpsReading racing.results.RaceRecorder recording.Recorder recording.open
-render.gl.GlUnavailable replay.replay ros.Bridge ros.Config run.RunOptions run.simulate scenario.BoxSpec
-scenario.Scenario scenario.ScenarioSpec scenario.VehiclePlacement scenario.load_scenario sensors.camera.project
-sensors.camera.rays sensors.random_stream simulation.Simulation simulation.Sink specs.names testing.Bridge
-testing.ConformanceError testing.check_bridge tracks.Track tracks.race_line vehicles.spec.VehicleSpec
-vehicles.spec.load_vehicle world.World
-"""
-"""What pages and examples named before, without 'autodrive.'."""
 
 
 def documented(pages: Iterable[Path] = PAGES) -> list[str]:
@@ -51,7 +32,7 @@ def documented(pages: Iterable[Path] = PAGES) -> list[str]:
     )
 
 
-@pytest.mark.parametrize("path", [*_FORMER_NAMES.split(), *documented()])
+@pytest.mark.parametrize("path", documented())
 def test_a_documented_path_can_be_imported(path: str) -> None:
     assert imported(f"autodrive.{path}") is not None
 
@@ -68,7 +49,7 @@ def imported(path: str) -> object:
 
 
 def test_the_api_reference_has_all_that_pages_use() -> None:
-    text = "".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("api.md", "testing.md"))
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     entries = [imported(path) for path in re.findall(r"auto(?:class|data|exception|function):: (\S+)", text)]
     modules = re.findall(r"automodule:: (\S+)", text)
     for_developers = {"adding_a_sensor.md", "how_a_tick_works.md"}
@@ -77,21 +58,3 @@ def test_the_api_reference_has_all_that_pages_use() -> None:
         used: Any = imported(f"autodrive.{path}")
         is_there = isinstance(used, ModuleType) or used in entries or getattr(used, "__module__", "") in modules
         assert is_there or path == "__all__", f"autodrive.{path} is not in docs/api.md"
-
-
-@pytest.mark.process
-def test_a_former_path_is_the_same_module_and_changes_nothing() -> None:
-    code = """
-import autodrive.tracks.track, autodrive.envs
-from autodrive.scenario.tracks import Track, track
-assert autodrive.tracks.track is track and autodrive.tracks.Track is Track
-assert track.__name__ == track.__spec__.name == "autodrive.scenario.tracks.track"
-import sys
-assert autodrive.envs is sys.modules["autodrive.experiments.envs"]
-try:
-    import autodrive.tracks.wings
-except ModuleNotFoundError as error:
-    print(error)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "No module named 'autodrive.tracks.wings'", done.stderr
