@@ -18,7 +18,7 @@ import pytest
 import autodrive
 from autodrive.recording import Recorder
 from tests.support.hardening import LONG
-from tests.support.waiting import wait_until
+from tests.support.waiting import LIMIT, wait_until
 
 pytestmark = pytest.mark.process
 
@@ -94,6 +94,11 @@ def test_no_process_is_left_behind(command: str, end: signal.Signals, folder: Pa
         wait_until(lambda: len(marked(mark)) >= count or process.poll() is not None)
         assert process.poll() is None, "the command ended by itself"
         process.send_signal(end)
+        try:
+            process.wait(LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
     wait_until(lambda: not marked(mark))
 
 

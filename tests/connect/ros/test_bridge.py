@@ -449,7 +449,8 @@ def test_devkit_messages_are_published_with_the_values_of_the_frame(simulation: 
             for name, value in (("throttle", 0.8), ("steering", 0.5)):
                 node.subscriptions[f"{root}/{name}_command"].callback(SimpleNamespace(data=value))
             vehicle = simulation.frame.vehicles["V1"]
-            return vehicle.speed > 0.2 and side * vehicle.steering > 0.2 and f"{root}/lidar" in node.messages
+            has_sensed = {f"{root}/lidar", f"{root}/front_camera"} <= node.messages.keys()
+            return vehicle.speed > 0.2 and side * vehicle.steering > 0.2 and has_sensed
 
         side = PROFILES[profile].command_sign
         wait_until(driven)
