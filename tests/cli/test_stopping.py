@@ -87,3 +87,24 @@ def test_the_summary_is_written_if_ctrl_c_ends_the_reader_of_the_output_too(tmp_
         os.killpg(process.pid, signal.SIGINT)
     wait_until((tmp_path / "summary.json").exists)
     assert json.loads((tmp_path / "summary.json").read_text())["ended_by"] == "SIGINT"
+
+
+DROPPED = """
+import ctypes, os, signal
+from autodrive.cli.stopping import StopSignals, interruptible
+
+stopped = []
+with interruptible():
+    ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+    with StopSignals(stopped.append) as signals:
+        signals.catch()
+        print(stopped, flush=True)
+        os._exit(0)
+"""
+"""A signal during a function that C code calls, which drops the exception."""
+
+
+@pytest.mark.process
+def test_a_signal_whose_exception_was_dropped_ends_a_command_later() -> None:
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "['SIGINT']", done.stderr

@@ -12,6 +12,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
+_interrupts: list[int] = []
+"""Signals that have raised a `KeyboardInterrupt`. Python drops it inside a function that C code calls."""
+
 STOP_TIME = 1.5
 """Time in which a command ends after a signal [s]; after that the process ends at once."""
 
@@ -22,7 +25,10 @@ def interruptible() -> Iterator[None]:
 
     Only the main thread can do this; in another one, nothing changes.
     """
-    before = _handled(_interrupt, [signal.SIGTERM]) if threading.current_thread() is threading.main_thread() else {}
+    _interrupts.clear()
+    is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as in the background of a shell script
+    numbers = [signal.SIGTERM] if is_ignored else [signal.SIGINT, signal.SIGTERM]
+    before = _handled(_interrupt, numbers) if threading.current_thread() is threading.main_thread() else {}
     try:
         yield
     finally:
@@ -42,8 +48,10 @@ class StopSignals:
         self._is_stopped = self._has_ended = False
 
     def catch(self) -> None:
-        """From now on, a signal ends this command."""
+        """From now on, a signal ends this command, also one whose `KeyboardInterrupt` was dropped."""
         self._default = _handled(self._on_signal, [signal.SIGINT, signal.SIGTERM])
+        if _interrupts:
+            self._on_signal(_interrupts[-1], None)
 
     def end(self, code: int = 0) -> None:
         """After a signal, end the process, whose modules would need half a second of a processor to end by themselves.
@@ -93,7 +101,8 @@ def _restore(handlers: dict[int, Any]) -> None:
         signal.signal(number, handler)
 
 
-def _interrupt(_: int, __: object) -> NoReturn:
+def _interrupt(number: int, _: object) -> NoReturn:
+    _interrupts.append(number)
     _leave_closed_terminal()
     raise KeyboardInterrupt
 
