@@ -15,7 +15,7 @@ import pytest
 import autodrive
 from autodrive.recording import Recorder
 from tests.support.command_line import AUTODRIVE, Started
-from tests.support.waiting import is_alive, wait_until
+from tests.support.waiting import LIMIT, is_alive, wait_until
 
 PROGRAM = """
 import atexit, sys
@@ -24,7 +24,7 @@ atexit.register(print, "torn down")
 sys.argv = ["autodrive", *sys.argv[1:]]
 main()
 """
-SCRIPT = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(1000)  # {port}"
+SCRIPT = "import os, time; open('{folder}/pid', 'w').write(str(os.getpid())); time.sleep(1000)  # {port}"
 
 
 @pytest.mark.process
@@ -49,7 +49,7 @@ def test_a_signal_ends_a_command_without_tearing_its_modules_down(
     world = autodrive.make("plane")
     with Recorder(tmp_path / "run.mcap", world, name="run"):
         world.step()
-    words = [word.replace("{folder}", str(tmp_path)).replace("{script}", SCRIPT) for word in arguments]
+    words = [word.replace("{script}", SCRIPT).replace("{folder}", str(tmp_path)) for word in arguments]
     command = Started(tmp_path, *words, program=[sys.executable, "-c", PROGRAM])
     command.wait_for("press Ctrl-C to stop")
     if arguments[0] == "race":
@@ -108,3 +108,48 @@ with interruptible():
 def test_a_signal_whose_exception_was_dropped_ends_a_command_later() -> None:
     done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "['SIGINT']", done.stderr
+
+
+ELSEWHERE = """
+import signal, threading, time
+
+def receive():
+    time.sleep(0.2)
+    signal.pthread_kill(threading.get_ident(), signal.SIGTERM)
+    time.sleep(1000)
+
+receiver = threading.Thread(target=receive, daemon=True)
+"""
+"""A signal for another thread than the main one, which handles it."""
+WAITING = {
+    "replay": """
+import autodrive
+from autodrive.recording import Recorder
+from autodrive.recording.replay import ReplayOptions, replay
+
+world = autodrive.make("plane")
+with Recorder("run.mcap", world):
+    world.step()
+stop = threading.Event()
+signal.signal(signal.SIGTERM, lambda *_: stop.set())
+replay("run.mcap", ReplayOptions(port=0), stop=stop, on_start=lambda _: receiver.start())
+""",
+    "devkit server": """
+from autodrive.connect.devkit.server import Server
+
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+with Server(lambda _: {}, port=0) as server:
+    receiver.start()
+    try:
+        server.wait()
+    except KeyboardInterrupt:
+        pass
+""",
+}
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("program", WAITING)
+def test_a_signal_that_another_thread_receives_ends_a_wait(tmp_path: Path, program: str) -> None:
+    line = [sys.executable, "-c", ELSEWHERE + WAITING[program]]
+    assert subprocess.run(line, cwd=tmp_path, check=False, timeout=LIMIT).returncode == 0

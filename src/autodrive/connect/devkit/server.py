@@ -27,6 +27,9 @@ from autodrive.protocol.ports import DEVKIT_PORT
 EVENT = "Bridge"
 """Event name of both directions."""
 
+SIGNAL_DELAY = 0.2
+"""A signal that arrives in another thread is handled within that time [s]; in a wait without a limit it is not."""
+
 PING_INTERVAL, PING_TIMEOUT = 25.0, 60.0
 """Heartbeat settings [s], those of the original devkits."""
 
@@ -105,7 +108,8 @@ class Server:
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until `close`, or for `timeout` [s]. Raises what `respond` raised."""
-        self._ended.wait(timeout)
+        while not self._ended.wait(SIGNAL_DELAY if timeout is None else timeout) and timeout is None:
+            pass
         if self._error is not None:
             raise self._error
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from autodrive import recording as recordings
+from autodrive.connect.devkit.server import SIGNAL_DELAY
 from autodrive.connect.server.files import built_page
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import Server
@@ -111,7 +112,9 @@ def replay(
     """Serve the page with a recording until `stop` is set. Raises `AutodriveError`."""
     with Replay(path, options) as running:
         on_start(running)
-        (stop or threading.Event()).wait()
+        stop = stop or threading.Event()
+        while not stop.wait(SIGNAL_DELAY):
+            pass
 
 
 class _Stages:
