@@ -68,15 +68,19 @@ def folder(tmp_path: Path) -> Path:
 
 def started(arguments: str, folder: Path, mark: str) -> subprocess.Popen[bytes]:
     line = [str(Path(sys.executable).with_name("autodrive")), *shlex.split(arguments)]
-    return subprocess.Popen(
-        line,
-        cwd=folder,
-        env={**os.environ, "AUTODRIVE_TEST_MARK": mark},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests without it
+    try:
+        return subprocess.Popen(
+            line,
+            cwd=folder,
+            env={**os.environ, "AUTODRIVE_TEST_MARK": mark},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize(("command", "end"), CASES)

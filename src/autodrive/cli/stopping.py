@@ -25,13 +25,13 @@ def interruptible() -> Iterator[None]:
 
     Only the main thread can do this; in another one, nothing changes.
     """
-    _interrupts.clear()
     is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as in the background of a shell script
     numbers = [signal.SIGTERM] if is_ignored else [signal.SIGINT, signal.SIGTERM]
     before = _handled(_interrupt, numbers) if threading.current_thread() is threading.main_thread() else {}
     try:
         yield
     finally:
+        _interrupts.clear()
         _restore(before)
 
 
