@@ -120,6 +120,7 @@ def test_the_token_of_an_earlier_start_is_refused_with_the_text_of_the_simulator
         proxy(first.port) as between,
     ):
         tab = new_tab(size=(320, 240)).open(f"{between.url}?token=the-first-token-1&quality=low")
+        tab.page.wait_for_load_state("networkidle")  # the files of the scene, too
         between.port = second.port
         between.is_cut = True
         between.is_cut = False

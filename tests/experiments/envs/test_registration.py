@@ -28,7 +28,7 @@ importlib.import_module("autodrive")  # as gymnasium.make("autodrive:...") does
 print([id_ for id_ in gymnasium.registry if id_.startswith(("Nigel", "RoboRacer"))])
 print([type(one).__name__ for one in sys.meta_path if type(one).__module__ == "autodrive"])
 """
-    assert run(code) == f"{[*IDS, ROBORACER, *SEVERAL_CARS]}\n['_FormerPaths']"
+    assert run(code) == f"{[*IDS, ROBORACER, *SEVERAL_CARS]}\n[]"
 
 
 ENVS = ("", ".envs", ".envs.registration")
