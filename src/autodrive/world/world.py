@@ -187,7 +187,7 @@ class World(OneThread):
             events += tuple(news)
             is_moved = bool(moves) and self.set_back(moves)
         self._sense()
-        c.own_sensors.sample(self._tick * c.spec.substeps)
+        c.own_sensors.sample(self._tick * self.row.rows.substeps)
         if commands is not None:
             for observer in self.observers:
                 observer.given(commands)
@@ -393,7 +393,7 @@ class World(OneThread):
         own = self.compiled.own_sensors
         if wrong := problem(name, sensor, own.names(vehicle)):
             raise CommandError(f"sensor {reprlib.repr(name)} of vehicle '{vehicle}': {wrong}")
-        own.add(vehicle, name, sensor, self.seed, self._tick * self.compiled.spec.substeps)
+        own.add(vehicle, name, sensor, self.seed, self._tick * self.row.rows.substeps)
         self._tell(SensorAdded(vehicle, name))
         self._show()
 
@@ -437,7 +437,7 @@ class World(OneThread):
         self.poses.restore(before.poses.save())
         if self.race and before.race and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
-        starting = c.sensors.take_over(b.sensors, self.seed, self._tick * c.spec.substeps)
+        starting = c.sensors.take_over(b.sensors, self.seed, self._tick * self.row.rows.substeps)
         self.conditions.restore(before.conditions.weather, self._tick, self.seed, is_reset=True)
         self.row.show_lights()
         self._sense(starting)
