@@ -23,7 +23,7 @@ from tests.support.waiting import LIMIT, wait_until
 pytestmark = pytest.mark.process
 
 WRAPPER = "setsid sleep 1000 & sleep 1000 & timeout 1000 sh -c 'echo $0; sleep 1000; true' $1"
-"""A devkit script in a wrapper, which never answers, and two processes in the background: six processes in three
+"""A devkit script in a wrapper, which never answers, and two processes in the background: three times `sleep`, in three
 groups."""
 DRIVER = """
 import subprocess, time
@@ -44,14 +44,14 @@ seeds: 2
 time_limit: {limit}
 """
 COMMANDS = {
-    "run": ("run plane --headless --cameras --record run.mcap", 2),
-    "race": ('race practice --headless --script "bash wrap.sh {port}" -o race', 8),
-    "campaign": ("campaign scripts.yaml -o results --workers 2", 19),
-    "campaign-python": ("campaign drivers.yaml -o results --workers 2", 7),
-    "film": ("film drive.mcap --output film.mp4 --size 320x180 --quality small --speed 0.1", 1),
-    "compile": ("compile", 2),
+    "run": ("run plane --headless --cameras --record run.mcap", 2, ""),
+    "race": ('race practice --headless --script "bash wrap.sh {port}" -o race', 3, "sleep"),
+    "campaign": ("campaign scripts.yaml -o results --workers 2", 6, "sleep"),
+    "campaign-python": ("campaign drivers.yaml -o results --workers 2", 2, "sleep"),
+    "film": ("film drive.mcap --output film.mp4 --size 320x180 --quality small --speed 0.1", 1, ""),
+    "compile": ("compile", 2, ""),
 }
-"""Command lines, and how many processes are there before the end."""
+"""Command lines, and how many processes of which name are there before the end; without a name, of any."""
 FILMING = ".film.part.mp4"
 """File that exists while a film is made; it is empty before the first image."""
 ENDS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL]
@@ -72,13 +72,14 @@ CASES = [
 ]
 
 
-def marked(mark: str) -> set[int]:
-    """Processes with that word in their environment."""
+def marked(mark: str, name: str = "") -> set[int]:
+    """Processes with that word in their environment, whose name begins so."""
     found = set()
     for path in Path("/proc").iterdir():
         if path.name.isdecimal():
             try:
-                if mark.encode() in (path / "environ").read_bytes():
+                has_name = (path / "comm").read_text().startswith(name)
+                if has_name and mark.encode() in (path / "environ").read_bytes():
                     found.add(int(path.name))
             except OSError:  # it has ended, or belongs to somebody else
                 continue
@@ -126,22 +127,21 @@ def test_no_process_is_left_behind(command: str, end: signal.Signals, folder: Pa
         with Recorder(folder / "drive.mcap", world):
             for _ in range(200):
                 world.step({})
-    arguments, count = COMMANDS[command]
+    arguments, count, name = COMMANDS[command]
     mark = uuid.uuid4().hex
 
     def is_ready() -> bool:
-        return len(marked(mark)) >= count and (command != "film" or size(folder / FILMING) > 0)
+        return len(marked(mark, name)) >= count and (command != "film" or size(folder / FILMING) > 0)
 
     variables = {"NUMBA_CACHE_DIR": str(folder)} if command == "compile" else {}  # nothing is compiled there
     with started(arguments, folder, mark, **variables) as process:
-        wait_until(lambda: is_ready() or process.poll() is not None)
-        assert process.poll() is None, "the command ended by itself"
-        process.send_signal(end)
         try:
+            wait_until(lambda: is_ready() or process.poll() is not None)
+            assert process.poll() is None, "the command ended by itself"
+            process.send_signal(end)
             process.wait(LIMIT)
-        except subprocess.TimeoutExpired:
+        finally:
             process.kill()
-            raise
     wait_until(lambda: not marked(mark))
     assert not (folder / "film.mp4").exists()
     assert (folder / FILMING).exists() == (command == "film" and end == signal.SIGKILL)
