@@ -25,7 +25,7 @@ def main() -> None:
     SIGINT, SIGTERM and SIGHUP end the program, as the end of stdin does.
     """
     prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else lambda *_: None
-    # Whoever loses its parent becomes a child of this process, also if it has left the group, as with setsid.
+    # A process whose parent has ended becomes a child of this one, also if it has left the group, as with setsid.
     prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     signals, write = os.pipe()
     os.set_blocking(write, False)
@@ -36,7 +36,7 @@ def main() -> None:
     if program == 0:
         try:
             os.setpgid(0, 0)
-            prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)  # somebody may kill this process
+            prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)  # when this process is killed
             for number in (signal.SIGPIPE, signal.SIGXFSZ):  # Python ignores them
                 signal.signal(number, signal.SIG_DFL)
             os.execv(sys.argv[1], sys.argv[1:])
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def wait_for(program: int, signals: int) -> int:
-    """The wait status of the program; that of a killed one if the program is to be ended. `signals`: a pipe."""
+    """The wait status of the program, or that of a killed one if it must end. `signals`: a pipe with their numbers."""
     poll = select.poll()
     poll.register(0, 0)  # without events, it is ready when the other end is closed
     poll.register(signals, select.POLLIN)
