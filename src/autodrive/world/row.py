@@ -15,7 +15,8 @@ from autodrive.protocol.messages import Event, Lights
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
-from autodrive.world.rules import radio, rules, stop_lines
+from autodrive.world.rules import lights, radio, rules, stop_lines
+from autodrive.world.rules.daylight import SceneLight
 from autodrive.world.rules.traffic.rule import switch_lamps
 from autodrive.world.tick import drive_traffic, judge, move, sense, show_lights
 
@@ -29,6 +30,7 @@ class Row:
         self.rows = rows_of_world(compiled, controls.throttle, controls.steering, engine)
         """All numbers; what changes them changes the results."""
         self.rules = self.rows.worlds.rules
+        self.lights = lights.row_of(self.rules.lights)
         self._pinned = Pinned(self.rows)
         compile_ahead(sense, self._pinned, 0)  # beside `move`, which takes as long to compile
         self._move, self._judge = resolved(move, self._pinned, 0), resolved(judge, self._pinned, 0)
@@ -99,16 +101,17 @@ class Row:
 
     # -- stages of the tick --------------------------------------------------------------------------------------
 
-    def drive_traffic(self, tick: int, is_day: bool) -> None:
-        """Let the traffic write what its vehicles obey in the tick that begins, and switch their lamps."""
+    def drive_traffic(self, time: float, light: SceneLight) -> None:
+        """Let the traffic write what its vehicles obey in a tick, which begins at `time` [s], and switch their lamps."""
         if self._has_traffic:
             self._drive_traffic(self._pinned, 0)
-            self.switch_lamps(tick, is_day)
+            self.switch_lamps(time, light)
 
-    def switch_lamps(self, tick: int, is_day: bool) -> None:
+    def switch_lamps(self, time: float, light: SceneLight) -> None:
         """Let the traffic switch its lamps."""
         if self._has_traffic:
-            switch_lamps(self.rows.rules.traffic, self.rules.traffic, self._controls.vehicles, tick, is_day=is_day)
+            drivers, is_day = self.rules.traffic, light.at(time)[0]
+            switch_lamps(self.rows.rules.traffic, drivers, self._controls.vehicles, self.tick, is_day=is_day)
 
     def move(self) -> bool:
         """Move the bodies by a tick; False if the physics has diverged."""

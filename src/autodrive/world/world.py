@@ -163,7 +163,7 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
-        self.row.drive_traffic(self._tick, self.scene_light)
+        self.row.drive_traffic(self.time, self.conditions.light)
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self.conditions.is_changing:
@@ -200,15 +200,15 @@ class World(OneThread):
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
-        time, row = self.time, self.row.rules
+        time = self.time
         frame = self._frames.build(
             self._tick,
             time,
             self.controls.vehicles,
-            row.collisions.total[0].tolist(),
+            self.row.rules.collisions.total[0].tolist(),
             events,
             races=self.race and self.race.states(time),
-            traffic_lights=lights.frames(self.map.traffic_lights, row.lights),
+            traffic_lights=lights.frames(self.map.traffic_lights, self.row.lights),
             heard=self.row.heard,
         )
         return self._publish(self._cameras.update(frame, redraw=is_moved))
@@ -281,7 +281,7 @@ class World(OneThread):
         self.controls.reset()
         c.sensors.reset(self.seed)
         self.conditions.reset(weather, self.seed)
-        self.row.switch_lamps(0, self.scene_light)
+        self.row.switch_lamps(0.0, self.conditions.light)
         if self.race is not None:
             self.race.reset(self.poses.seen_from_above(), c.state.vehicle_position)
         c.own_sensors.reset(self.seed)
