@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from autodrive.base.arrays import Floats
 from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
@@ -15,6 +17,7 @@ from autodrive.protocol.messages import Event, Lights
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
+from autodrive.world.readings import Readings, readings_of
 from autodrive.world.rules import lights, radio, rules, stop_lines
 from autodrive.world.rules.daylight import SceneLight
 from autodrive.world.rules.traffic.rule import switch_lamps
@@ -32,6 +35,8 @@ class Row:
         self.rules = self.rows.worlds.rules
         self.lights = lights.row_of(self.rules.lights)
         self._pinned = Pinned(self.rows)
+        self._time = np.zeros(1)
+        self._readings = readings_of(self.rows.worlds, self._time, len(compiled.objects))
         compile_ahead(sense, self._pinned, 0)  # beside `move`, which takes as long to compile
         self._move, self._judge = resolved(move, self._pinned, 0), resolved(judge, self._pinned, 0)
         self._sense = resolved(sense, self._pinned, 0)
@@ -82,6 +87,13 @@ class Row:
         self.hear()
 
     @property
+    def readings(self) -> Readings:
+        """The numbers of the World as the readings of a batch of one world; the next tick overwrites them."""
+        numerator, denominator = self.rows.sensors.substep
+        self._time[0] = self.tick * self.rows.substeps * numerator / denominator
+        return self._readings
+
+    @property
     def tick(self) -> int:
         """Ticks since the reset."""
         return int(self.rows.worlds.tick[0])
@@ -102,7 +114,7 @@ class Row:
     # -- stages of the tick --------------------------------------------------------------------------------------
 
     def drive_traffic(self, time: float, light: SceneLight) -> None:
-        """Let the traffic write what its vehicles obey in a tick, which begins at `time` [s], and switch their lamps."""
+        """Let the traffic write what its vehicles obey in a tick that begins at `time` [s], and switch their lamps."""
         if self._has_traffic:
             self._drive_traffic(self._pinned, 0)
             self.switch_lamps(time, light)
