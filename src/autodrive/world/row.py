@@ -57,7 +57,7 @@ class Row:
         fixed = c.model.shapes.n_fixed
         c.state.shape_position[:fixed] = c.model.shapes.position[:fixed]
         c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
-        self.rows.worlds.tick[0] = 0
+        self.rows.worlds.tick[0], self.rows.worlds.is_unstable[0] = 0, False
         rules.begin(c, self.rules, rules.FIRST, [seed])
         place(c.model, c.state, c.views)
         self.hear()
@@ -127,7 +127,10 @@ class Row:
 
     def move(self) -> bool:
         """Move the bodies by a tick; False if the physics has diverged."""
-        return self._move(self._pinned, 0)
+        is_sound = self._move(self._pinned, 0)
+        if not is_sound:
+            self.rows.worlds.is_unstable[0] = True
+        return is_sound
 
     def judge(self, time: float) -> tuple[Event, ...]:
         """Let the rules judge the tick that has ended at `time` [s]; the events."""
