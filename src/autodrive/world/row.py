@@ -13,7 +13,7 @@ from autodrive.base.pinned import Pinned
 from autodrive.physics.sensors.columns import SensorTables
 from autodrive.physics.state import BODY_COLUMNS, State, numbers
 from autodrive.physics.tick import place
-from autodrive.protocol.messages import Event, Lights
+from autodrive.protocol.messages import Event, Lights, TrafficLightFrame
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
@@ -33,7 +33,7 @@ class Row:
         self.rows = rows_of_world(compiled, controls.throttle, controls.steering, engine)
         """All numbers; what changes them changes the results."""
         self.rules = self.rows.worlds.rules
-        self.lights = lights.row_of(self.rules.lights)
+        self._lights, self._light_names = lights.row_of(self.rules.lights), compiled.map.traffic_lights
         self._pinned = Pinned(self.rows)
         self._time = np.zeros(1)
         self._readings = readings_of(self.rows.worlds, self._time, len(compiled.objects))
@@ -105,6 +105,11 @@ class Row:
     def hear(self) -> None:
         """Make messages of what the vehicles have heard by radio."""
         self.heard = radio.readings(self._compiled, self.rules.radio)
+
+    @property
+    def lights(self) -> dict[str, TrafficLightFrame]:
+        """What the traffic lights show."""
+        return lights.frames(self._light_names, self._lights)
 
     def show_lights(self) -> None:
         """Let the traffic lights follow a change."""

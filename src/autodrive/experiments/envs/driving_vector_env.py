@@ -120,6 +120,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         self._episodes = Episodes(self.task, seen, num_envs, offence_cost, reward, end)
         self._actions = np.zeros((num_envs, 2))
         """Throttle and steering of the last step."""
+        self._has_offences = bool(self.batch.map.stop_lines)
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
@@ -246,7 +247,8 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     def _judge(self) -> Outcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
-        return self._episodes.advance(self._cars(), is_unstable, self._actions)
+        self._seen = self._cars()
+        return self._episodes.advance(self._seen, is_unstable, self._actions)
 
     def _cars(self) -> CarReadings:
         return CarReadings.of(self.batch.readings, self.car_count)
@@ -269,8 +271,8 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
         """What the infos say after a step."""
         values: dict[str, NDArray[Any]] = {"is_success": outcome.is_success}
-        if self.batch.map.stop_lines:
-            values |= zip(OFFENCES, self._cars().offences.T, strict=True)
+        if self._has_offences:
+            values |= zip(OFFENCES, self._seen.offences.T, strict=True)
         return values
 
     def _final(self, ended: Bools, values: dict[str, NDArray[Any]]) -> dict[str, Any]:
