@@ -256,6 +256,8 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""
         ended = outcome.has_ended
+        if self.car_count == 1:
+            return ended, is_late
         is_over = np.repeat(self._of_worlds(ended | is_late).any(axis=1), self.car_count)
         return ended, is_late | (is_over & ~ended)
 
@@ -301,7 +303,9 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
 
 def _masked(values: dict[str, NDArray[Any]], mask: Bools) -> dict[str, NDArray[Any]]:
     """An info with these values of the environments of a mask, and the mask of each."""
-    masked = {name: np.where(mask, one, np.zeros_like(one)) for name, one in values.items()}
+    masked = values
+    if not mask.all():
+        masked = {name: np.where(mask, column, np.zeros_like(column)) for name, column in values.items()}
     return masked | {f"_{name}": mask.copy() for name in values}
 
 
