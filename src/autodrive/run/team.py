@@ -18,7 +18,7 @@ from autodrive.experiments.envs.crossing import Crossing
 from autodrive.experiments.envs.duel import DRIVEN, Duel
 from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.rendered_world import RenderedWorld
-from autodrive.experiments.envs.settings import Settings
+from autodrive.experiments.envs.settings import EnvSettings
 from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
 from autodrive.experiments.envs.task import CarReadings, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
@@ -153,7 +153,7 @@ def show(
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
-    settings = Settings(None, "state", frame_skip=TICKS, render_mode=mode)
+    settings = EnvSettings(observation="state", frame_skip=TICKS, render_mode=mode)
     results: list[Results] = []
     world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
     with closing(world) as rendered:

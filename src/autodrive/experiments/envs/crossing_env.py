@@ -6,10 +6,8 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode
 
-from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Range
 from autodrive.experiments.envs.crossing import Crossing
-from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.settings import ALL, OF_CARS, OF_TASKS, Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
 from autodrive.experiments.envs.variants import Variant, action_of
 
@@ -20,7 +18,8 @@ STEPS = 600
 class CrossingVectorEnv(SeveralCarsVectorEnv):
     """Many crossings of four cars: see `autodrive.experiments.envs.crossing`."""
 
-    @with_suggestions
+    setting_names = ALL - OF_TASKS - OF_CARS
+
     def __init__(
         self,
         num_envs: int = 4,
@@ -30,30 +29,17 @@ class CrossingVectorEnv(SeveralCarsVectorEnv):
         delay: float = 0.0,
         rate: float | None = None,
         max_episode_steps: int | None = STEPS,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         action: Action | None = None,
         frame_skip: int = 5,
-        threads: int | None = None,
-        fog: Range = 0.0,
-        rain: Range = 0.0,
-        snow: Range = 0.0,
+        **settings: Any,
     ) -> None:
         """`loss`, `delay`, `rate`: of the radio of the variant "own", see `Crossing`. `num_envs`: a multiple of 4.
 
-        `fog`, `rain`, `snow`: see `Conditions`. Raises `SpecError`.
+        `settings`: see `EnvSettings`; without `action`, that of the variant. Raises as `DrivingVectorEnv`.
         """
-        super().__init__(
-            num_envs,
-            Crossing(frame_skip, variant, loss, delay, rate),
-            max_episode_steps=max_episode_steps,
-            autoreset_mode=autoreset_mode,
-            action=action_of(variant, action),
-            frame_skip=frame_skip,
-            threads=threads,
-            fog=fog,
-            rain=rain,
-            snow=snow,
-        )
+        settings |= {"max_episode_steps": max_episode_steps, "action": action_of(variant, action)}
+        task = Crossing(frame_skip, variant, loss, delay, rate)
+        super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
 
 
 class CrossingParallelEnv(SeveralCarsParallelEnv):

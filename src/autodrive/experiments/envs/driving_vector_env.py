@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,32 +15,29 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
-from autodrive.base.suggest import suggest, with_suggestions
-from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions, whole_number_errors
+from autodrive.experiments.envs.conditions import WEATHER, Conditions, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
-from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.remade import Remade
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
-    Action,
-    Settings,
+    ALL,
+    MOST_ENVS,
+    OF_CARS,
     action_space,
+    autoreset_mode,
     check_changeable,
     check_options,
+    checked_settings,
     commands_of,
     made_task,
     whole_seed,
 )
-from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
+from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Outcome, Start, Task
 from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
 
 if TYPE_CHECKING:
     from autodrive.world.batch_camera import BatchCamera
-
-
-MOST_ENVS, MOST_STEPS = 2**20, 2**53
-"""Limits of `num_envs` and `max_episode_steps`."""
 
 
 class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
@@ -55,56 +51,25 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     drawn_conditions: tuple[str, ...] = WEATHER
     """Names of the `Conditions` that an episode draws."""
 
-    @with_suggestions
-    def __init__(
-        self,
-        num_envs: int = 1,
-        task: str | Task = "lane_keeping",
-        *,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        observation: Observation | None = None,
-        action: Action = "continuous",
-        frame_skip: int = 5,
-        threads: int | None = None,
-        render_mode: str | None = None,
-        map: str | Path | None = None,
-        reward: Reward | None = None,
-        end: End | None = None,
-        traffic: int = 0,
-        offence_cost: float = 0.0,
-        fog: Range = 0.0,
-        rain: Range = 0.0,
-        snow: Range = 0.0,
-    ) -> None:
-        """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
+    setting_names: Collection[str] = ALL - OF_CARS
+    """Of the `EnvSettings` that it has."""
 
-        `map`: name or file of one on which lane keeping drives. `reward`, `end`: functions of an `own_rules.Step`,
-        instead of the reward and the ends of the task.
+    def __init__(self, num_envs: int = 1, task: str | Task = "lane_keeping", **settings: Any) -> None:
+        """`task`: its name, or one that is already made. `settings`: see `EnvSettings`.
 
-        `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
-        speeds and ways of them. `offence_cost`: subtracted from the reward for each red light and stop sign that is
-        run. `fog`, `rain`, `snow`: see `Conditions`.
-
-        Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
+        Raises `TypeError` for settings that it does not have, `SpecError` for wrong ones, and `GlUnavailable` for
+        images without OpenGL.
         """
-        name = task if isinstance(task, str) else None
-        checked = Settings(
-            name, observation, action, frame_skip, render_mode, traffic=traffic, offence_cost=offence_cost
-        )
-        self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = made_task(task, frame_skip, map, traffic)
-        self.settings = replace(checked, choices=self.task.choices)
-        self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
-        seen = observation or self.task.observation
-        self._has_camera = seen == "camera"
-        if max_episode_steps == -1:  # as in gymnasium.make
-            max_episode_steps = None
-        steps = 1 if max_episode_steps is None else max_episode_steps
-        limits = {"num_envs": (num_envs, 1, MOST_ENVS), "max_episode_steps": (steps, 1, MOST_STEPS)}
-        if errors := whole_number_errors(limits):
+        checked = checked_settings(type(self), task, settings, self.setting_names)
+        if errors := whole_number_errors({"num_envs": (num_envs, 1, MOST_ENVS)}):
             raise SpecError(errors)
+        self.autoreset_mode = autoreset_mode(checked)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.task = made_task(task, checked.frame_skip, checked.map, checked.traffic)
+        self.settings = replace(checked, choices=self.task.choices)
+        self.conditions = checked.conditions
+        seen = checked.observation or self.task.observation
+        self._has_camera = seen == "camera"
         self.num_envs = num_envs = int(num_envs)
         self.car_count = len(self.task.scenario.vehicles)
         """Cars of a world."""
@@ -114,10 +79,10 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         self.single_action_space = action_space(self.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._max_steps = max_episode_steps
-        self.batch: BatchWorld = self._worlds(num_envs // self.car_count, threads)
+        self._max_steps = None if checked.max_episode_steps == -1 else checked.max_episode_steps
+        self.batch: BatchWorld = self._worlds(num_envs // self.car_count, checked.threads)
         """The worlds."""
-        self._episodes = Episodes(self.task, seen, num_envs, offence_cost, reward, end)
+        self._episodes = Episodes(self.task, seen, num_envs, checked.offence_cost, checked.reward, checked.end)
         self._actions = np.zeros((num_envs, 2))
         """Throttle and steering of the last step."""
         self._has_offences = bool(self.batch.map.stop_lines)
@@ -324,13 +289,3 @@ def _world_seeds(seed: object, count: int) -> list[int | None]:
     if len(seeds) != count:
         raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
     return seeds
-
-
-def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """The mode, also by its name or value."""
-    known = {text: one for one in AutoresetMode for text in (one.name, one.value)}
-    if isinstance(mode, AutoresetMode):
-        return mode
-    if mode not in known:
-        raise SpecError([f"autoreset_mode: {mode!r} is not known. {suggest(str(mode), list(known))}"])
-    return known[mode]

@@ -9,10 +9,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range
+from autodrive.experiments.envs.conditions import WEATHER
 from autodrive.experiments.envs.duel import BEST, DRIVEN, Duel
-from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.settings import ALL, OF_CARS, OF_TASKS, Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
 from autodrive.experiments.envs.variants import Variant, action_of
 
@@ -30,7 +29,8 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
     task: Duel
     drawn_conditions = ("noise", *WEATHER)
 
-    @with_suggestions
+    setting_names = ALL - OF_TASKS - OF_CARS | {"noise"}
+
     def __init__(
         self,
         num_envs: int = 2,
@@ -39,33 +39,19 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
         tracks: int | None = None,
         track_seed: int = 0,
         laps: int = 2,
-        noise: Range = 0.0,
         max_episode_steps: int | None = STEPS,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         action: Action | None = None,
         frame_skip: int = 5,
-        threads: int | None = None,
-        fog: Range = 0.0,
-        rain: Range = 0.0,
-        snow: Range = 0.0,
+        **settings: Any,
     ) -> None:
         """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
 
-        `laps`: of a race of the variant "own". `noise`, `fog`, `rain`, `snow`: see `Conditions`. `num_envs`: an
-        even number.
-
-        Raises `SpecError`.
+        `laps`: of a race of the variant "own". `num_envs`: an even number. `settings`: see `EnvSettings`; without
+        `action`, that of the variant. Raises as `DrivingVectorEnv`.
         """
-        super().__init__(
-            num_envs,
-            Duel(frame_skip, variant, tracks, track_seed, laps),
-            max_episode_steps=max_episode_steps,
-            autoreset_mode=autoreset_mode,
-            action=action_of(variant, action),
-            frame_skip=frame_skip,
-            threads=threads,
-        )
-        self.conditions = Conditions(noise=noise, fog=fog, rain=rain, snow=snow)
+        settings |= {"max_episode_steps": max_episode_steps, "action": action_of(variant, action)}
+        task = Duel(frame_skip, variant, tracks, track_seed, laps)
+        super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
         self._episodes.memory[:, BEST] = np.inf
 
     @property

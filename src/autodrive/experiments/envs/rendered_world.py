@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import CommandError, EngineError
-from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
+from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, EnvSettings
 from autodrive.protocol.messages import Command, Weather
 from autodrive.world.factory import compile_scenario, world_of
 
@@ -58,7 +58,7 @@ class RenderedWorld:
     def __init__(
         self,
         scenario: ScenarioSpec,
-        settings: Settings,
+        settings: EnvSettings,
         *,
         has_camera: bool,
         port: int | None = None,

@@ -10,14 +10,12 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
-from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import WEATHER, Conditions, Drawn, Drive, Range, whole_number_errors
+from autodrive.experiments.envs.conditions import WEATHER, Drawn, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.race_tracks import AREA
-from autodrive.experiments.envs.settings import MOST_CARS, Action
+from autodrive.experiments.envs.settings import ALL, MOST_CARS
 from autodrive.experiments.envs.single_env import SingleEnv
-from autodrive.experiments.envs.task import Observation, Outcome
+from autodrive.experiments.envs.task import Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial, TrackLike
 from autodrive.protocol.commands import is_number
 
@@ -48,7 +46,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     task_type: type[TimeTrial] = TimeTrial
     drawn_conditions = (*Drawn._fields, *WEATHER)
 
-    @with_suggestions
+    setting_names = ALL - {"map", "traffic", "offence_cost"}
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -57,61 +56,34 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         laps: int = 1,
         rivalry: float = 0.0,
         track: TrackLike | Sequence[TrackLike] | None = None,
-        reward: Reward | None = None,
-        end: End | None = None,
         tracks: int = 3,
         track_seed: int = 0,
         track_width: Range = WIDTH,
         track_length: Range = LENGTH,
         track_radius: Range | None = None,
         track_area: tuple[float, float] = AREA,
-        friction: Range = 1.0,
-        mass: Range = 1.0,
-        noise: Range = 0.0,
-        latency: Range = 0.0,
-        fog: Range = 0.0,
-        rain: Range = 0.0,
-        snow: Range = 0.0,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        observation: Observation | None = None,
-        action: Action = "continuous",
         frame_skip: int = 5,
-        threads: int | None = None,
-        render_mode: str | None = None,
+        **settings: Any,
     ) -> None:
-        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
+        """`settings`: see `EnvSettings`. Raises as `DrivingVectorEnv`."""
         errors = whole_number_errors({"cars": (cars, 1, MOST_CARS)})
         if not (is_number(rivalry) and 0.0 <= rivalry <= (10.0 if cars > 1 else 0.0)):
             errors.append(f"rivalry: must be a number from 0 to 10, and 0 for a single car, not {rivalry!r}")
         if errors:
             raise SpecError(errors)
-        conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
-        super().__init__(
-            num_envs,
-            self.task_type(
-                frame_skip,
-                tracks,
-                track_seed,
-                int(cars),
-                laps,
-                width=track_width,
-                length=track_length,
-                radius=track_radius,
-                area=track_area,
-                own=track,
-            ),
-            reward=reward,
-            end=end,
-            max_episode_steps=max_episode_steps,
-            autoreset_mode=autoreset_mode,
-            observation=observation,
-            action=action,
-            frame_skip=frame_skip,
-            threads=threads,
-            render_mode=render_mode,
+        task = self.task_type(
+            frame_skip,
+            tracks,
+            track_seed,
+            int(cars),
+            laps,
+            width=track_width,
+            length=track_length,
+            radius=track_radius,
+            area=track_area,
+            own=track,
         )
-        self.conditions = conditions
+        super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
         self._driver = Drive(self.batch, frame_skip)
         self.drawn = np.ones((num_envs, len(Drawn._fields)))
         """The conditions of the present episodes, shape (n, 4), in the order of `Drawn`."""

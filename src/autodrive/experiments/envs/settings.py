@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
 from pathlib import Path
@@ -10,14 +11,16 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
-from autodrive.base.suggest import suggest
-from autodrive.experiments.envs.conditions import whole_number_errors
+from autodrive.base.suggest import check_keywords, suggest
+from autodrive.experiments.envs.conditions import Conditions, Range, whole_number_errors
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.navigation import Navigation
+from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.parking import Parking
 from autodrive.experiments.envs.task import CHOICES, Observation, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
@@ -33,17 +36,19 @@ MOST_TICKS = 50
 
 MOST_CARS = 8
 """Of a race, or on one lane."""
+MOST_ENVS, MOST_STEPS = 2**20, 2**53
+"""Limits of `num_envs` and `max_episode_steps`."""
 MOST_TRAFFIC = 50
 """See `TrafficSpec`."""
 IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
 """Of the observation 'camera' [pixels]."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Checked settings; raises `SpecError` with all errors."""
+@dataclass(frozen=True, kw_only=True)
+class EnvSettings:
+    """Checked settings, which are keyword arguments of the environments; raises `SpecError` with all errors."""
 
-    task: str | None
+    task: str | None = None
     """None: one that is already made."""
     observation: Observation | None = None
     """None: the default of the task."""
@@ -51,12 +56,39 @@ class Settings:
     frame_skip: int = 5
     """Ticks of 10 ms, or 5 ms for the car RoboRacer, that an action lasts."""
     render_mode: str | None = None
+    """Of an environment of one world: 'rgb_array' or 'human'."""
     choices: Floats = field(default_factory=lambda: CHOICES)
     """Of the task."""
+    map: str | Path | None = None
+    """Name or file of a map on which lane keeping drives; None: its own."""
+    reward: Reward | None = None
+    """Function of an `own_rules.Step`, instead of the reward of the task."""
+    end: End | None = None
+    """Function of an `own_rules.Step`, instead of the ends of the task."""
     traffic: int = 0
-    """Cars that drive themselves, 0 to 50; the map must have lanes for them."""
+    """Cars that drive themselves in each world, 0 to 50; the map must have lanes for them. Each episode has its own
+    places, speeds and ways of them."""
     offence_cost: float = 0.0
     """Subtracted from the reward for each red light and stop sign that is run, 0 to 1000."""
+    max_episode_steps: int | None = None
+    """After which an episode is truncated; None or -1: never."""
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP
+    """Of Gymnasium, also by its name or value: what happens in a vector environment when an episode has ended."""
+    threads: int | None = None
+    """Of a batch; None: one for each core."""
+    friction: Range = 1.0
+    """See `Conditions`, as the following six."""
+    mass: Range = 1.0
+    noise: Range = 0.0
+    latency: Range = 0.0
+    fog: Range = 0.0
+    rain: Range = 0.0
+    snow: Range = 0.0
+
+    @property
+    def conditions(self) -> Conditions:
+        """What episodes draw. Raises `SpecError`."""
+        return Conditions(**{name: getattr(self, name) for name in Conditions.__dataclass_fields__})
 
     def __post_init__(self) -> None:
         choices: dict[str, list[Any]] = {
@@ -76,8 +108,37 @@ class Settings:
         if not (is_number(self.offence_cost) and 0.0 <= self.offence_cost <= 1e3):
             errors.append(f"offence_cost: must be a number from 0 to 1000, not {self.offence_cost!r}")
         errors += whole_number_errors({"traffic": (self.traffic, 0, MOST_TRAFFIC)})
+        modes = {text for mode in AutoresetMode for text in (mode.name, mode.value)}
+        if not isinstance(self.autoreset_mode, AutoresetMode) and self.autoreset_mode not in modes:
+            known = suggest(str(self.autoreset_mode), sorted(modes))
+            errors.append(f"autoreset_mode: {self.autoreset_mode!r} is not known. {known}")
+        if self.max_episode_steps not in (None, -1):  # -1: as in gymnasium.make
+            errors += whole_number_errors({"max_episode_steps": (self.max_episode_steps, 1, MOST_STEPS)})
         if errors:
             raise SpecError(errors)
+
+
+ALL = frozenset(EnvSettings.__dataclass_fields__) - {"task", "choices"}
+OF_CARS = frozenset({"friction", "mass", "noise", "latency"})
+"""Conditions that only the environments of the car RoboRacer draw."""
+OF_TASKS = frozenset({"map", "reward", "end", "traffic", "offence_cost", "observation"})
+"""Settings that environments with a task of their own do not have."""
+
+
+def checked_settings(kind: type, task: str | Task, given: dict[str, Any], names: Collection[str]) -> EnvSettings:
+    """Settings of an environment of that class. `names`: of those that it has besides its own arguments.
+
+    Raises `TypeError` for another one, and `SpecError` for wrong values.
+    """
+    own = [name for name in inspect.signature(kind).parameters if name not in ("task", "settings", "arguments")]
+    check_keywords(kind.__name__, given, [*own, *sorted(names)])
+    return EnvSettings(task=task if isinstance(task, str) else None, **given)
+
+
+def autoreset_mode(settings: EnvSettings) -> AutoresetMode:
+    """The mode, which the settings may have by its name or value."""
+    given = settings.autoreset_mode
+    return next(mode for mode in AutoresetMode if given in (mode, mode.name, mode.value))
 
 
 def made_task(task: str | Task, frame_skip: int, map: str | Path | None, traffic: int) -> Task:
@@ -140,14 +201,14 @@ def check_options(options: Mapping[str, Any] | None, *known: str) -> None:
         raise SpecError(errors)
 
 
-def action_space(settings: Settings) -> spaces.Space[Any]:
+def action_space(settings: EnvSettings) -> spaces.Space[Any]:
     """Throttle and steering from -1 to 1 (left is positive), or the number of one of the choices."""
     if settings.action == "discrete":
         return spaces.Discrete(len(settings.choices))
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
+def commands_of(actions: Any, settings: EnvSettings, count: int) -> NDArray[Any]:
     """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
     shape = (count,) if settings.action == "discrete" else (count, 2)
     try:

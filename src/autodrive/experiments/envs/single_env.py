@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.remade import Remade
-from autodrive.experiments.envs.settings import Settings, check_changeable, check_options, whole_seed
+from autodrive.experiments.envs.settings import EnvSettings, check_changeable, check_options, whole_seed
 from autodrive.experiments.envs.task import Task
 
 
@@ -35,7 +35,7 @@ class SingleEnv(Remade, gymnasium.Env[Any, Any]):
         return self.vector.task
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> EnvSettings:
         """The settings, with the actions of the task."""
         return self.vector.settings
 
