@@ -96,7 +96,7 @@ class Group:
 
     @property
     def exit_code(self) -> int | None:
-        """Of the program; None while it runs, and 128 and the number of a signal that ended it."""
+        """Exit code of the program; None while it runs, and 128 and the number of a signal that ended it."""
         return self._process.poll()
 
     def close(self) -> None:
