@@ -37,7 +37,7 @@ class VehicleContacts(NamedTuple):
     solid_vehicle: Integers
     """Vehicle of each solid, or -1, shape (n_solid,)."""
     impulse: Floats
-    """Between a vehicle and a solid [N s], shape (n, n_solid)."""
+    """Impulse between a vehicle and a solid [N s], shape (n, n_solid)."""
     position: Floats
     """A point of that contact [m], shape (n, n_solid, 3)."""
     push: Floats
@@ -71,7 +71,7 @@ class Scratch(NamedTuple):
     contact_position: Floats
     """Position of that contact [m], shape (3,)."""
     contact_frame: Floats
-    """Its axes in the map, the normal first, from the first to the second geom, shape (9,)."""
+    """Axes of the contact in the map, the normal first, from the first to the second geom, shape (9,)."""
     contact_geoms: NDArray[np.int32]
     """The two geoms of that contact, shape (2,)."""
 

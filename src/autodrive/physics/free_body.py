@@ -31,7 +31,7 @@ def rotated(rotation: Rotation, x: float, y: float, z: float) -> Vector:
 
 @inlined
 def angular_velocity(state: State, rotation: Rotation, dof: int) -> Vector:
-    """Of a body with that rotation [rad/s]."""
+    """Angular velocity of a body with that rotation, in the axes of the map [rad/s]."""
     return rotated(rotation, float(state.qvel[dof + 3]), float(state.qvel[dof + 4]), float(state.qvel[dof + 5]))
 
 

@@ -128,7 +128,7 @@ class Grid(NamedTuple):
     first_row: Integers
     """First row of each fixed shape, shape (n_fixed,)."""
     first_column: Integers
-    """Likewise."""
+    """First column of each fixed shape, shape (n_fixed,)."""
 
 
 class Shapes(NamedTuple):
@@ -156,7 +156,7 @@ class Shapes(NamedTuple):
     n_fixed: int
     """Number of fixed shapes."""
     grid: Grid
-    """Of the fixed shapes."""
+    """Grid of the fixed shapes."""
 
 
 class Model(NamedTuple):

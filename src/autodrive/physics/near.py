@@ -34,15 +34,15 @@ class Slots(NamedTuple):
     shape: Integers
     """Numbers of the fixed shapes in the first slots, ascending, shape (n_slot,)."""
     solid: Integers
-    """Of each geom of the engine: 0 for the floor, otherwise 1 + the number of its shape, shape (n_geom,)."""
+    """Solid of each geom of the engine: 0 for the floor, otherwise 1 + the number of its shape, shape (n_geom,)."""
     reach: Floats
     """Distance of the farthest point of each body from its origin [m], shape (n_body,)."""
     filled_at: Floats
     """Where the bodies were when the slots were filled [m], shape (n_body, 3)."""
-    found: Integers
-    """Working memory, shape (n_fixed,)."""
+    nearby: Integers
+    """Working memory of `fill`, shape (n_fixed,)."""
     kind: Numbers32
-    """Of each geom, as in `Shapes`; likewise the next two."""
+    """Kind of each geom, as in `Shapes`, as are size and bounding radius; shape (n_geom,)."""
     size: Floats
     bounding_radius: Floats
     box: Floats
@@ -66,7 +66,10 @@ EVERYWHERE = 1.0e10
 def slot_count(fixed: Shapes, reach: Floats) -> int:
     """How many slots bodies with that `reach` (see `Slots`) can need among these fixed shapes."""
     reaches, counts = np.unique(reach, return_counts=True)
-    most = [count * most_within(fixed, one + SLACK) for one, count in zip(reaches.tolist(), counts, strict=True)]
+    most = [
+        count * most_within(fixed, reach_of_body + SLACK)
+        for reach_of_body, count in zip(reaches.tolist(), counts, strict=True)
+    ]
     return min(int(sum(most)), len(fixed.kind))
 
 
@@ -103,8 +106,8 @@ def fill(shapes: Shapes, qpos: Floats, slots: Slots) -> None:
         x, y, z = float(qpos[7 * b]), float(qpos[7 * b + 1]), float(qpos[7 * b + 2])
         slots.filled_at[b, 0], slots.filled_at[b, 1], slots.filled_at[b, 2] = x, y, z
         far = slots.reach[b] + SLACK
-        for k in range(fixed_near(shapes.grid, x, y, far, slots.found, 0)):
-            s = slots.found[k]
+        for k in range(fixed_near(shapes.grid, x, y, far, slots.nearby, 0)):
+            s = slots.nearby[k]
             if distance(int(shapes.kind[s]), shapes.size[s], shapes.position[s], shapes.rotation[s], x, y, z) <= far:
                 count = _insert(s, slots.shape, count)
     for k in range(count):

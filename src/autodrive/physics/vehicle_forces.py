@@ -176,17 +176,17 @@ def _turn_shafts(i: int, is_braking: bool, model: Model, state: State, scratch: 
 @inlined
 def _turn_axle(scratch: Scratch, first: int, torque: float, constant: float, bias: float) -> None:
     """Adds the torque of a driven axle [N m per wheel] to the spins of its wheels `first` and `first` + 1."""
-    one, other = scratch.wheel_contacts[first], scratch.wheel_contacts[first + 1]
+    left, right = scratch.wheel_contacts[first], scratch.wheel_contacts[first + 1]
     between = transferred_torque(
-        one["coasting_spin"],
-        one["spin_gain"],
-        other["coasting_spin"],
-        other["spin_gain"],
+        left["coasting_spin"],
+        left["spin_gain"],
+        right["coasting_spin"],
+        right["spin_gain"],
         torque,
         constant + bias * abs(torque),
     )
-    one["coasting_spin"] += one["spin_gain"] * (torque - between)
-    other["coasting_spin"] += other["spin_gain"] * (torque + between)
+    left["coasting_spin"] += left["spin_gain"] * (torque - between)
+    right["coasting_spin"] += right["spin_gain"] * (torque + between)
 
 
 @inlined

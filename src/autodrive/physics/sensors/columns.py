@@ -28,7 +28,7 @@ class NoiseColumns(NamedTuple):
     channels: Floats
     """sigma, offset, walk and step of each channel, shape (n, v, c, 4)."""
     bias: Floats
-    """Of each channel, shape (n, v, c)."""
+    """Bias of each channel, shape (n, v, c)."""
     lidar: Floats
     """sigma, relative_sigma, step, dropout, scale, the drawn factor of all ranges, and the figures of the weather (see
     `lidar_weather`; zeros: nothing), shape (n, v, 6 + figures)."""
@@ -38,9 +38,9 @@ class ReadingColumns(NamedTuple):
     """The latest readings of the sensors of n worlds with v vehicles."""
 
     time: Floats
-    """Of each reading [s]; not a number without such a sensor, shape (n, v, s)."""
+    """Time of each reading [s]; not a number without such a sensor, shape (n, v, s)."""
     values: Floats
-    """Of all sensors but the LIDAR, shape (n, v, m); not a number before the first reading."""
+    """Values of all sensors but the LIDAR, shape (n, v, m); not a number before the first reading."""
     encoder_ticks: Integers
     """Shape (n, v, 2)."""
     lidar_ranges: Floats
@@ -48,7 +48,8 @@ class ReadingColumns(NamedTuple):
     sweep: Integers
     """Number of the scan in progress of a rolling LIDAR, and its next ray, shape (n, v, 2)."""
     sweep_ranges: Floats
-    """Its inverse ranges [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR, shape (n, v, 0)."""
+    """Inverse ranges of the scan in progress [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR,  shape
+    (n, v, 0)."""
     sweep_hits: Integers
     """Shapes that its rays hit in weather, likewise."""
 
@@ -98,7 +99,7 @@ class Working(NamedTuple):
     """Working memory of the sensors."""
 
     before: Poses
-    """At the start of the tick; only with a rolling LIDAR."""
+    """Poses at the start of the tick; only with a rolling LIDAR."""
     near: Integers
     """Shapes near a sensor, shape (n_shape,)."""
     views: Floats
@@ -147,7 +148,7 @@ class Due(NamedTuple):
     now: int
     """[substeps]."""
     substeps: int
-    """Of a tick."""
+    """Length of a tick [substeps]."""
     time: float
     """[s]."""
     channel: int
@@ -158,7 +159,7 @@ class Due(NamedTuple):
 
 @inlined
 def mount_position(due: Due, row: Any) -> Vector:
-    """Of the sensor in the vehicle frame [m]."""
+    """Position of the sensor in the vehicle frame [m]."""
     p = row["position"][due.s]
     return p[0], p[1], p[2]
 
@@ -184,7 +185,7 @@ def add_noise(due: Due, memory: Memory, values: Floats) -> None:
 
 
 def working_memory(shapes: Shapes, v: int, rays: int) -> Working:
-    """For LIDARs of at most so many rays."""
+    """Working memory for v vehicles and LIDARs of at most so many rays."""
     return Working(
         before=Poses(
             position=np.zeros((v, 3)),

@@ -38,8 +38,8 @@ def cast_rays(
         if pz <= 0.0:
             ranges[i] = 0.0
             continue
-        found = shapes_near(shapes, px, py, range_max, near)
-        w = inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, found)
+        count = shapes_near(shapes, px, py, range_max, near)
+        w = inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, count)
         w = max(w, -ray[2] / pz)
         ranges[i] = 1.0 / w if w * range_max >= 1.0 else math.inf
 
@@ -54,13 +54,16 @@ def inverse_range(
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,
-    found: int,
+    count: int,
 ) -> float:
-    """Inverse range [1/m] of a ray to the `found` shapes `near` but those of its vehicle; 0: none, infinity: inside."""
+    """Inverse range [1/m] of a ray to the first `count` shapes in `near`; 0: none, infinity: inside one.
+
+    Shapes of `vehicle` are left out.
+    """
     px, py, pz = origin
     kind, size = shapes.kind, shapes.size
     nearest = 0.0
-    for k in range(found):
+    for k in range(count):
         g = near[k]
         if shapes.vehicle[g] == vehicle:
             continue

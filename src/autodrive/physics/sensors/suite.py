@@ -62,7 +62,8 @@ class SensorSuite:
         """
         self._configured = list(vehicles.values())
         self._specs = {
-            name: {sensor: its.spec for sensor, its in sensors.items()} for name, sensors in vehicles.items()
+            name: {sensor: configured.spec for sensor, configured in sensors.items()}
+            for name, sensors in vehicles.items()
         }
         targets = np.zeros(len(shapes.kind), np.int64) if targets is None else targets
         self._tables = sensor_tables(self._configured, substep, gravity, targets)
@@ -79,9 +80,9 @@ class SensorSuite:
         self._readers = [[(s, name, self._reader(i, s)) for s, name in self._present(i)] for i in range(len(vehicles))]
         self._latest: list[dict[str, Any]] = [dict.fromkeys(SENSORS) for _ in vehicles]
         self.noise_factors = [1.0] * len(vehicles)
-        """See `set_noise_factors`."""
+        """Factor of the noise of each vehicle, see `set_noise_factors`."""
         self._times = [list(NEVER) for _ in vehicles]
-        """Of the latest readings; see `ReadingColumns.time`."""
+        """Times of the latest readings of each vehicle [s], see `ReadingColumns.time`."""
 
     def compile_ahead(self) -> None:
         """Start to compile the sampling in a process of its own, if that is necessary."""
@@ -138,7 +139,7 @@ class SensorSuite:
         columns, latest = saved
         for column, kept in zip(self._changing(), columns, strict=True):
             column[:] = kept
-        self._latest = [dict(one) for one in latest]
+        self._latest = [dict(readings) for readings in latest]
         self._times = self._columns.time[0].tolist()
 
     # -- parts ---------------------------------------------------------------------------------------------------
@@ -190,5 +191,5 @@ class SensorSuite:
         self._latest[i][name], self._times[i][s] = before._latest[i][name], before._times[i][s]
 
     def _reader(self, i: int, s: int) -> Reader:
-        """For sensor s of vehicle i."""
+        """The function that makes the messages of sensor s of vehicle i."""
         return self._configured[i][SENSORS[s]].spec.reader(self._columns, i, VALUES[SENSORS[s]].start)

@@ -62,7 +62,7 @@ def cast_sweep(
     dx, dy = position[0] - position_before[0], position[1] - position_before[1]
     way = math.sqrt(dx * dx + dy * dy)
     reach = range_max + way + math.sqrt(mount_position[0] ** 2 + mount_position[1] ** 2 + mount_position[2] ** 2)
-    found = shapes_near(shapes, position[0], position[1], reach, near)
+    near_count = shapes_near(shapes, position[0], position[1], reach, near)
     for i in range(first, rays):
         ray_time = scan / timing.rate - timing.time_increment * (rays - 1 - i)
         if ray_time > time + 1e-9:  # tolerates rounding errors of the time
@@ -82,7 +82,7 @@ def cast_sweep(
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
         hits[i] = -1
-        for k in range(found):
+        for k in range(near_count):
             g = near[k]
             if shapes.vehicle[g] == vehicle:
                 continue
