@@ -26,7 +26,7 @@ HEADING_TOLERANCE = 0.1 * DEGREE
 REACH = 0.3
 """Ports nearer than this (half a road width) must be connected; otherwise it is an error [m]."""
 MAX_CORNERS = 200_000
-"""Of the polygons and lanes of all placed modules."""
+"""Most corners of the polygons and lanes of all placed modules."""
 MAX_PAIRS = 10_000
 """Pairs of touching solids that are checked for an overlap."""
 SLIVER = 1e-5
@@ -57,16 +57,16 @@ class PlacedModule:
     """A placed module: its parts in the map frame [m]."""
 
     label: Place
-    """For error messages: "placement 4 'curved_road'"."""
+    """Title in error messages: "placement 4 'curved_road'"."""
     name: str
     module: Module
     placement: Placement
     footprint: shapely.Polygon
     drivable: BaseGeometry
     markings: tuple[BaseGeometry, ...]
-    """As in the module."""
+    """Markings of the module, moved to the place."""
     lanes: tuple[Floats, ...]
-    """As in the module."""
+    """Lanes of the module, moved to the place."""
     ports: tuple[PlacedPort, ...]
 
     @property
@@ -93,9 +93,9 @@ ProblemKind: TypeAlias = Literal[
     "touch",
     "narrow",
 ]
-"""Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
-roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or sign stands on a lane.
-Of a track by points: see `points.Fault`."""
+"""Kinds of problems. A file that cannot be read: 'module'. Too large: 'corners', 'extent'. Ports: 'unconnected',
+'apart', 'turned', 'width'. 'overlap': roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or
+sign stands on a lane. For the kinds of a track by points see `points.Fault`."""
 
 
 OF_DRAFT: frozenset[ProblemKind] = frozenset(
@@ -122,7 +122,7 @@ class MapProblem:
     dy: float = 0.0
     turn: float = 0.0
     area: float = 0.0
-    """Of an overlap [m^2]."""
+    """Area of an overlap [m^2]."""
     at: tuple[float, float] | None = None
     """Where a lane is blocked, or the fault of a track [m]."""
 
@@ -164,11 +164,11 @@ def place(described: DescribedMap) -> tuple[list[PlacedModule], list[MapProblem]
     for number, placement in described.placements:
         title = f"placement {number} '{placement.name or placement.module}'"
         label = Place("map", ("placements", number - 1), title)
-        of = described.modules[placement.module]
-        if of.found is None:
-            problems.append(MapProblem("module", label, f": {of.error}"))
+        described_module = described.modules[placement.module]
+        if described_module.found is None:
+            problems.append(MapProblem("module", label, f": {described_module.error}"))
             continue
-        module = compile_module(of)
+        module = compile_module(described_module)
         corners += module.corners
         if corners > MAX_CORNERS:
             text = f": the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible"
@@ -188,7 +188,7 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[Por
 
     If some placements are not valid (`is_complete` False), unconnected ports are no problem.
     """
-    ports = [(i, port) for i, one in enumerate(placed) for port in one.ports if not port.is_blind]
+    ports = [(i, port) for i, module in enumerate(placed) for port in module.ports if not port.is_blind]
     joins: dict[PortId, PortId] = {}
     problems: list[MapProblem] = []
     if not ports:
@@ -235,17 +235,17 @@ def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids"
 
 def blocked_lanes(placed: Sequence[PlacedModule], solids: Sequence[tuple[Place, BaseGeometry]]) -> list[MapProblem]:
     """A problem for each solid that stands on a lane, and each module whose lane that is."""
-    lanes = [(one, shapely.LineString(line)) for one in placed for line in one.lanes]
+    lanes = [(module, shapely.LineString(line)) for module in placed for line in module.lanes]
     if not lanes or not solids:
         return []
     tree = shapely.STRtree([plan for _, plan in solids])
-    found: dict[tuple[Place, Place], MapProblem] = {}
+    problems: dict[tuple[Place, Place], MapProblem] = {}
     for i, k in tree.query([line for _, line in lanes], predicate="intersects").T[:MAX_PAIRS]:
         (module, line), (part, plan) = lanes[i], solids[k]
         middle = line.intersection(plan).centroid
         problem = MapProblem("blocked", part, other=module.label, at=(middle.x, middle.y))
-        found.setdefault((part, module.label), problem)
-    return [*found.values()][:MAX_ERRORS]
+        problems.setdefault((part, module.label), problem)
+    return [*problems.values()][:MAX_ERRORS]
 
 
 def _placed(label: Place, name: str, module: Module, placement: Placement) -> PlacedModule:
@@ -274,10 +274,10 @@ def _placed(label: Place, name: str, module: Module, placement: Placement) -> Pl
 
 def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
     errors = []
-    given = placement.model_fields_set
+    given_fields = placement.model_fields_set
     allowed = {"terrain": {"length", "width"}, "obstruction": {"length", "width", "height", "z", "mass"}}
     for field in ("length", "width", "height", "z", "mass"):
-        if field in given and field not in allowed.get(module.spec.type, set()):
+        if field in given_fields and field not in allowed.get(module.spec.type, set()):
             errors.append(f"{field} cannot be set for {module.name}, which is {_with_article(module.spec.type)}")
     for port in placement.open if isinstance(placement.open, tuple) else ():
         if port not in module.spec.ports:
@@ -288,14 +288,14 @@ def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
 
 def _mismatch(part: Place, a: PlacedPort, other: Place, b: PlacedPort) -> MapProblem | None:
     """The problem of two ports that should be connected; None if they match."""
-    found = functools.partial(MapProblem, part=part, port=a, other=other, other_port=b)
+    problem = functools.partial(MapProblem, part=part, port=a, other=other, other_port=b)
     dx, dy = a.pose[0] - b.pose[0], a.pose[1] - b.pose[1]
     if math.hypot(dx, dy) > PORT_TOLERANCE:
-        return found("apart", dx=dx, dy=dy)
+        return problem("apart", dx=dx, dy=dy)
     turn = -math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
-        return found("turned", turn=turn)
-    return found("width") if abs(a.width - b.width) > PORT_TOLERANCE or a.lanes != b.lanes else None
+        return problem("turned", turn=turn)
+    return problem("width") if abs(a.width - b.width) > PORT_TOLERANCE or a.lanes != b.lanes else None
 
 
 def _fix(port: PlacedPort) -> str:

@@ -72,7 +72,7 @@ class StaticShape:
     material: str
     """'wall', 'duct', 'block', 'post', 'plate' or 'housing'."""
     tilt: float = 0.0
-    """Of a box: by how much it is turned about its x axis [rad], before its yaw."""
+    """Angle by which a box is turned about its x axis [rad], before its yaw."""
 
     @property
     def orientation(self) -> Quaternion:
@@ -130,10 +130,10 @@ def fixed_shapes(statics: Sequence[StaticShape]) -> Shapes:
     """The part of `Model.shapes` that never moves."""
     n = len(statics)
     none = np.full(n, -1)
-    kind = np.array([one.kind for one in statics], dtype=np.int64)
-    size = np.array([one.size for one in statics], dtype=np.float64).reshape(n, 3)
-    position = np.array([one.position for one in statics], dtype=np.float64).reshape(n, 3)
-    rotations = [rotation_from_quaternion(one.orientation) for one in statics]
+    kind = np.array([shape.kind for shape in statics], dtype=np.int64)
+    size = np.array([shape.size for shape in statics], dtype=np.float64).reshape(n, 3)
+    position = np.array([shape.position for shape in statics], dtype=np.float64).reshape(n, 3)
+    rotations = [rotation_from_quaternion(shape.orientation) for shape in statics]
     rotation = np.array(rotations, dtype=np.float64).reshape(n, 9)
     return Shapes(
         kind=kind,

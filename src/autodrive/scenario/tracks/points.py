@@ -124,7 +124,7 @@ def faults(points: Floats, width: float) -> list[Fault]:
         return Fault(kind, x, y, round(float(parameters[i])) % len(points), value, least)
 
     bend = np.abs(curvature(places))
-    found = [fault("bend", i, float(1.0 / bend[i]), radius) for i in _worst(bend, 1.0 / radius)]
+    all_faults = [fault("bend", i, float(1.0 / bend[i]), radius) for i in _worst(bend, 1.0 / radius)]
     apart = math.ceil(1.7 * gap / (length / n))
     near, other = np.full(n, np.inf), np.zeros(n, np.int64)
     for shift in range(apart, n - apart + 1):
@@ -133,11 +133,11 @@ def faults(points: Floats, width: float) -> list[Fault]:
         nearer = square < near
         near[nearer], other[nearer] = square[nearer], (np.flatnonzero(nearer) + shift) % n
     pairs = [i for i in _worst(-near, -gap * gap) if i < other[i]]
-    found += [fault("touch", i, math.sqrt(near[i]), gap) for i in pairs]
+    all_faults += [fault("touch", i, math.sqrt(near[i]), gap) for i in pairs]
     if width < WIDTH_MIN:
         x, y = points[0].tolist()
-        found.append(Fault("narrow", x, y, 0, width, WIDTH_MIN))
-    return found[:MAX_FAULTS]
+        all_faults.append(Fault("narrow", x, y, 0, width, WIDTH_MIN))
+    return all_faults[:MAX_FAULTS]
 
 
 def points_on(line: Floats, tolerance: float = TOLERANCE) -> Floats:
@@ -153,15 +153,15 @@ def points_on(line: Floats, tolerance: float = TOLERANCE) -> Floats:
 
 
 def _worst(values: Floats, limit: float) -> list[int]:
-    """Of each run of a closed line above a limit, the place with the greatest value."""
+    """Places with the greatest value in each run of a closed line above a limit."""
     above = values > limit
     if above.all():
         return [int(np.argmax(values))]
     starts = np.flatnonzero(above & ~np.roll(above, 1))
-    found = []
+    worst = []
     for start in starts.tolist():
         run = [start]
         while above[(run[-1] + 1) % len(values)]:
             run.append((run[-1] + 1) % len(values))
-        found.append(max(run, key=lambda i: values[i]))
-    return found
+        worst.append(max(run, key=lambda i: values[i]))
+    return worst
