@@ -11,7 +11,7 @@ from autodrive.protocol import messages
 from autodrive.protocol.messages import CameraImage, Frame
 
 Images = Mapping[tuple[str, str], CameraImage]
-"""By (name of the vehicle, name of the camera)."""
+"""Images by (name of the vehicle, name of the camera)."""
 
 
 class CameraBackend(Protocol):

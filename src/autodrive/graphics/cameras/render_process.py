@@ -112,7 +112,7 @@ class RenderProcess:
         return drawn
 
     def forget(self, client: int) -> None:
-        """That client has left; its waiting request fails."""
+        """Forget a client that has left; its waiting request fails."""
         with self._changed:
             waiting = self._waiting.pop(client, None)
         if waiting is not None:
@@ -180,7 +180,10 @@ class RenderProcess:
         return self._worker
 
     def _answer(self, worker: _Worker, request: Request | CameraRig) -> Ready | Drawn | None:
-        """None if the worker has died and another can be started. Raises `AutodriveError` if nothing can be drawn."""
+        """Send a request to the worker; None if the worker has died and another can be started.
+
+        Raises `AutodriveError` if nothing can be drawn.
+        """
         answer = worker.answer(request)
         if isinstance(answer, Failed):
             self._end_worker()
@@ -194,7 +197,7 @@ class RenderProcess:
         self._has_started.clear()
         self.deaths += 1
         self._death_times.append(self._clock())
-        recent = sum(self._death_times[-1] - one < RESTART_PERIOD for one in self._death_times)
+        recent = sum(self._death_times[-1] - death_time < RESTART_PERIOD for death_time in self._death_times)
         if recent > RESTARTS:
             raise self._unavailable(f"their process ended unexpectedly {recent} times in an hour, now with {status}")
         text = "the process of the %s ended unexpectedly (%s); it is started again (%d of %d)"
@@ -286,7 +289,7 @@ class _Worker:
 
 
 def failed(drawn: Future[Drawn], reason: str) -> Future[Drawn]:
-    """The same Future, with that error unless it was cancelled."""
+    """Set this error in a Future, unless it was cancelled, and return the Future."""
     if drawn.set_running_or_notify_cancel():
         drawn.set_exception(AutodriveError(reason))
     return drawn

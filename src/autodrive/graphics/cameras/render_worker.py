@@ -33,7 +33,7 @@ from autodrive.physics.sensors.camera_view import View
 JPEG_QUALITY = 80
 
 VIEW_PERIOD = 1.0 / 30.0
-"""If a view takes longer [s], quality 'auto' stops smoothing edges."""
+"""Longest time of a view [s] with which quality 'auto' smooths edges."""
 
 
 class CameraImages(NamedTuple):
@@ -77,7 +77,7 @@ class Drawn(NamedTuple):
     """A request has been drawn."""
 
     answer: Any
-    """As its target says."""
+    """What the target of the request returns."""
     seconds: float
     """Wall time that drawing took [s]."""
 

@@ -72,7 +72,7 @@ class SceneViews:
         return self.process.draw(client, frame, Jpeg(viewpoint.view(*image_size(view.width)), strokes=strokes))
 
     def forget(self, client: int) -> None:
-        """That client has left or draws itself; its waiting image fails."""
+        """Forget a client that has left or draws itself; its waiting image fails."""
         with self._lock:
             self._cameras.pop(client, None)
         self.process.forget(client)

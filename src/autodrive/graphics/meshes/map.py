@@ -43,14 +43,15 @@ KERB_SHADE, KERB_SHADE_WIDTH = 0.4, 0.012
 WALL_SHADE, WALL_SHADE_WIDTH = 0.55, 0.1
 """Share of the sky that a kerb, and a wall or a building, hides from the ground at its foot, and how far [m]."""
 DUCT_SHADE = 0.45
-"""Likewise of a duct; a quarter of its width far."""
+"""Share of the sky that a duct hides from the ground at its foot, a quarter of its width far."""
 
 
 def map_asset(map_: Map) -> Asset:
     """The static part of a map. Nodes: 'tile_<i>' and 'floor' for the ground, and one for each solid, with its name."""
     ground = _Ground.of(map_)
     tiles = [
-        AssetNode(f"tile_{i}" if i >= 0 else "floor", surfaces={"full": its, "reduced": its}) for i, its in ground.tiles
+        AssetNode(f"tile_{i}" if i >= 0 else "floor", surfaces={"full": surfaces, "reduced": surfaces})
+        for i, surfaces in ground.tiles
     ]
     nodes = (*tiles, *solid_nodes(map_))
     return Asset(map_.name, nodes, _textures(nodes), strips([*ground.paint, *ground.shade]))
@@ -65,13 +66,13 @@ class Part(NamedTuple):
 
     @property
     def asset(self) -> Asset:
-        """For the page: without other levels of detail, and with the textures of the map."""
+        """The asset for the page: without other levels of detail, and with the textures of the map."""
         nodes = tuple(AssetNode(name, surfaces={"full": surfaces}) for name, surfaces in self.tiles)
         return Asset("ground", nodes, strips=strips(self.lines), foreign_textures=_texture_names(nodes))
 
 
 def map_parts(map_: Map) -> tuple[Asset, list[Part]]:
-    """The same as `map_asset`, in several assets: the solids, with all textures, and parts of the ground."""
+    """The map of `map_asset` in several assets: the solids, with all textures, and parts of the ground."""
     ground, size = _Ground.of(map_), tile_size(map_)
     x0, y0, x1, _ = tile_extent(map_)
     columns = round((x1 - x0) / size)
@@ -88,14 +89,14 @@ def map_parts(map_: Map) -> tuple[Asset, list[Part]]:
     parts = [Part(tuple(own), tuple(lines.pop(place, ()))) for place, own in tiles.items()]
     others = [line for own in lines.values() for line in own]
     nodes = (*solid_nodes(map_),)
-    of_ground = (AssetNode("", surfaces={"full": its}) for _, its in ground.tiles)
+    of_ground = (AssetNode("", surfaces={"full": surfaces}) for _, surfaces in ground.tiles)
     solids = Asset(map_.name, nodes, _textures((*nodes, *of_ground)))
     return solids, [*parts, Part(tuple(rest), (*others, *ground.shade))]
 
 
 class _Ground(NamedTuple):
     tiles: list[tuple[int, tuple[MeshSurface, ...]]]
-    """As of `tile_surfaces`."""
+    """Number and surfaces of each tile, from `tile_surfaces`."""
     paint: list[Line]
     shade: list[Line]
 
@@ -124,8 +125,8 @@ def _paint(map_: Map) -> tuple[list[Layer], list[Line]]:
     kind, is_line = np.array(kinds, dtype=str), np.array([line is not None for line in lines], bool)
     simple = shapely.simplify(polygons, SIMPLIFY_TOLERANCE)
     paint = [
-        Layer(name, label, simple[(kind == of) & (is_line == (name == "paint"))])
-        for of, label in reversed(MARKING_LABELS.items())
+        Layer(name, label, simple[(kind == marking) & (is_line == (name == "paint"))])
+        for marking, label in reversed(MARKING_LABELS.items())
         for name in ("plain_paint", "paint")
     ]
     return paint, [line for line in lines if line is not None]
@@ -143,9 +144,9 @@ def _shade(map_: Map, bare: list[Layer]) -> Iterator[Line]:
                 yield shade_along(line, WALL_SHADE_WIDTH, WALL_SHADE)
         return
     raised = shapely.union_all(
-        np.concatenate([one.polygons for one in bare if one.name in RAISED] or [()]), grid_size=GRID
+        np.concatenate([layer.polygons for layer in bare if layer.name in RAISED] or [()]), grid_size=GRID
     )
-    road = shapely.multipolygons([polygon for one in bare if one.is_driven for polygon in one.polygons])
+    road = shapely.multipolygons([polygon for layer in bare if layer.is_driven for polygon in layer.polygons])
     kerbs = shapely.difference(raised, road, grid_size=GRID)
     yield from _shade_around(kerbs, KERB_SHADE_WIDTH, KERB_SHADE)
     solids = shapely.union_all([shape.plan for shape in map_.statics if shape.material in ("wall", "block")])

@@ -45,7 +45,7 @@ class Line:
     """[m]; at a bend the points are farther apart."""
     is_endless: bool
     right_amounts: tuple[float, float]
-    """Of paint and of shade, 0 to 1."""
+    """Amounts of paint and of shade at the right side, 0 to 1."""
     left_amounts: tuple[float, float]
 
     @functools.cached_property

@@ -67,13 +67,13 @@ class Part(NamedTuple):
     bones: NDArray[np.float32]
     """Columns of the bones of vehicles and objects, shape (m, v + o, BONES, 4, 4)."""
     glow: NDArray[np.float32]
-    """See `PosedMesh`, shape (m, v + o, lamps)."""
+    """Brightness of the lamps, see `PosedMesh`, shape (m, v + o, lamps)."""
     eyes: Floats
     """Poses of the camera, shape (m, 4, 4)."""
     clips: Floats
     """Clip space from map axes, shape (m, 4, 4)."""
     centers: Floats
-    """Of vehicles and objects, shape (m, v + o, 3)."""
+    """Centres of vehicles and objects [m], shape (m, v + o, 3)."""
     near: NDArray[np.intp]
     """Vehicles, the nearest to the camera first, shape (m, v)."""
     is_seen: NDArray[np.bool_]
@@ -186,7 +186,7 @@ class BatchRenderer(Renderer):
             level[0, i, :, :2] = middle[:2] + corners * (half / OUTLINE + DIM)
             level[1, i, :, :2] = middle[:2] + corners * (half / OUTLINE + STEP)
         turns = np.swapaxes(roots[..., :3, :3], -1, -2)
-        below, shade = (one @ turns + roots[..., None, :3, 3] for one in level)
+        below, shade = (corners_of_all @ turns + roots[..., None, :3, 3] for corners_of_all in level)
         points = np.concatenate([below, shade + np.array([*drift, 0.0])], axis=2)
         points = np.concatenate([points - np.array([0.0, 0.0, DIM]), points + np.array([0.0, 0.0, STEP])], axis=2)
         inside = points @ np.swapaxes(planes[:, None, :, :3], -1, -2) + planes[:, None, None, :, 3] > 0.0
@@ -199,7 +199,7 @@ class BatchRenderer(Renderer):
         ranges = self._static.geometry.ranges
         keys: list[tuple[Kind, str]] = [(r.kind, r.textures) for r in ranges]
         order = sorted(dict.fromkeys(keys), key=lambda key: key[0] in LEVEL)
-        return {key: np.array([i for i, one in enumerate(keys) if one == key]) for key in order}
+        return {key: np.array([i for i, other_key in enumerate(keys) if other_key == key]) for key in order}
 
     def _own_vehicle(self) -> tuple[GpuMesh, list[IndexRange]]:
         """What the camera can see of its own vehicle: the vehicle moves with it, but for wheels and levers."""

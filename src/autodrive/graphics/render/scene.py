@@ -43,7 +43,7 @@ class RenderScene:
     vehicles: Sequence[Asset]
     objects: Sequence[Asset]
     lights: Sequence[LightsSpec]
-    """Of each vehicle."""
+    """Lights of each vehicle."""
 
 
 LENS_GAP = 0.001
@@ -177,7 +177,7 @@ class Range(NamedTuple):
     """Name of the texture array; none if empty."""
     center: Floats
     radius: float
-    """Of a bounding sphere [m]."""
+    """Radius of a bounding sphere [m]."""
 
 
 @dataclass(frozen=True)
@@ -217,9 +217,9 @@ def geometry(
     for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
         groups: dict[tuple[Kind, str], list[tuple[MeshSurface, AssetNode]]] = {}
         pairs = [(surface, node) for node in nodes for surface in node.surfaces.get(detail, ())]
-        found = [_material(surface).texture for surface, _ in pairs]
-        textured = next((layers[name][0] for name in found if name), "")
-        for (surface, node), name in zip(pairs, found, strict=True):
+        texture_names = [_material(surface).texture for surface, _ in pairs]
+        textured = next((layers[name][0] for name in texture_names if name), "")
+        for (surface, node), name in zip(pairs, texture_names, strict=True):
             own = layers[name][0] if name else textured
             kind = _kind(surface, skeleton.place_of[node.name])
             kind = "matt" if kind in LEVEL and is_whole else kind  # what moves is not level ground
