@@ -91,7 +91,7 @@ class View:
             self._its_scans, self._whole = self.scans, None
 
     def _forget_after(self, time: float) -> None:
-        """After a reset: discard scans and pictures from before it, whose time is later than now."""
+        """Discard scans and pictures from before a reset, whose time is later than now."""
         self.scans = {vehicle: scan for vehicle, scan in self.scans.items() if scan.time <= time}
         self.pictures = {key: picture for key, picture in self.pictures.items() if picture.time <= time}
 

@@ -11,7 +11,7 @@ class Qos(NamedTuple):
     """All are reliable, because subscribers with the default QoS get nothing from a publisher that is not."""
 
     depth: int
-    """So many of the last messages are kept."""
+    """Number of the last messages that are kept."""
     is_latched: bool = False
     """Whether late subscribers get them: transient local in ROS 2, latching in ROS 1."""
 
@@ -25,4 +25,4 @@ QOS: dict[RosQos, Qos] = {
     "command": Qos(10),
     "league": Qos(1),
 }
-"""By the class of a topic."""
+"""Quality of service by the class of a topic."""

@@ -96,14 +96,14 @@ class FrameQueue:
     def take(self) -> list[FrameUpdate | Completion]:
         """Remove and return all items, in order; called in the loop."""
         with self._lock:
-            items, self._items = self._items, []
+            queued, self._items = self._items, []
             self._is_wakeup_pending = False
-        return items
+        return queued
 
-    def put_back(self, items: list[FrameUpdate | Completion]) -> None:
+    def put_back(self, taken: list[FrameUpdate | Completion]) -> None:
         """Insert items before all others; called in the loop."""
         with self._lock:
-            self._items[:0] = items
+            self._items[:0] = taken
 
     def _wake(self) -> None:
         if not self._is_wakeup_pending and self._loop is not None:

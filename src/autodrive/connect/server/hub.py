@@ -229,7 +229,11 @@ class Hub:
     def _free_name(self, wanted: str) -> str:
         name = "".join(c for c in wanted if c.isprintable())[:40].strip() or "client"
         taken = {client.name for client in self.clients}
-        return next(one for n in range(1, MAX_CLIENTS + 2) if (one := name if n == 1 else f"{name} {n}") not in taken)
+        return next(
+            free_name
+            for n in range(1, MAX_CLIENTS + 2)
+            if (free_name := name if n == 1 else f"{name} {n}") not in taken
+        )
 
     # -- status -------------------------------------------------------------------------------------------------
 

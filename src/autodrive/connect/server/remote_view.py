@@ -116,7 +116,9 @@ class RemoteViews:
     @property
     def wants_forces(self) -> bool:
         """Whether a view shows contact forces."""
-        return any(isinstance(of.camera, SetCamera) and of.camera.force_scale > 0.0 for of in self._views.values())
+        return any(
+            isinstance(view.camera, SetCamera) and view.camera.force_scale > 0.0 for view in self._views.values()
+        )
 
     def redraw(self, now: float) -> None:
         """Render the latest Frame again, with drawings that are new."""

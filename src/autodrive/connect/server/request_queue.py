@@ -37,8 +37,8 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 MAP_EDITS, EDIT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 8.0
-"""Such requests have a share of their own, and may use that time at once [s], those of one client and those of all: a
-person makes many edits in a row. Other requests of a client wait for their share each."""
+"""Requests that edit the map, and what they may use at once [s], those of one client and those of all: a person makes
+many edits in a row, so that they have a share of their own. Other requests of a client wait for their share each."""
 BUILDS = (*MAP_EDITS, AddBox, RemoveBox, Place, SetSensor, LoadScenario, ImportTrack, OpenFile, Undo, Redo)
 """Requests that may make another World, for which the short ones do not wait. They have a share of their own, too."""
 
@@ -54,7 +54,7 @@ REPLACED = (
     ViewSensor,
     ConnectBridge,
 )
-"""Of several such requests in a row only the last one is executed; it answers all of them."""
+"""Requests of which several in a row are executed only once, as the last one asks; the answer is that of all."""
 
 
 @dataclass
@@ -64,9 +64,9 @@ class Entry:
     operation: ServerOperation
     ids: list[int]
     size: int = 0
-    """Of its message [bytes]."""
+    """Size of the message [bytes]."""
     number: int = field(default_factory=count().__next__)
-    """Of two requests, the newer one has the greater number."""
+    """Number of the request: a newer one has a greater number."""
     started: float = 0.0
     """Time at which its turn began [s]."""
     work: float = 0.0
@@ -79,7 +79,10 @@ class Entry:
 
 
 class Limits:
-    """Of the time that edits of a map, other builds and short requests use; those two may use `burst` at once [s]."""
+    """Limits of the time that edits of a map, other builds and short requests use.
+
+    Builds and short requests may use `burst` at once [s].
+    """
 
     def __init__(self, burst: float) -> None:
         now = time.perf_counter()
