@@ -63,7 +63,7 @@ CHUNK_WORK = 2**16
 CACHE_SIZE, CACHED_CHUNKS = 2**25, 8
 """Size [bytes] and number of the chunks that a reader keeps in memory."""
 LEVEL, PACKED_LEVEL = 3, -1
-"""Of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
+"""Levels of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -122,9 +122,9 @@ class ChunkIndex(NamedTuple):
     end: int
     offset: int
     length: int
-    """Of its record [bytes]."""
+    """Length of the record of the chunk [bytes]."""
     places: NDArray[np.void]
-    """Its channels and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
+    """Channels of the chunk and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
 
     @property
     def channels(self) -> NDArray[np.uint16]:
@@ -257,7 +257,7 @@ class Writer:
             (SCHEMA, self._schemas),
             (CHANNEL, self._channels),
             (STATISTICS, [self._statistics()]),
-            (CHUNK_INDEX, [_chunk_index(*one) for one in self._chunks]),
+            (CHUNK_INDEX, [_chunk_index(*chunk) for chunk in self._chunks]),
             (ATTACHMENT_INDEX, self._attachments),
             (METADATA_INDEX, self._metadata),
         ]
@@ -281,8 +281,8 @@ class Writer:
             len(self._attachments),
             len(self._metadata),
             len(self._chunks),
-            min((one[0].start for one in self._chunks), default=0),
-            max((one[0].end for one in self._chunks), default=0),
+            min((chunk[0].start for chunk in self._chunks), default=0),
+            max((chunk[0].end for chunk in self._chunks), default=0),
         )
         return _record(STATISTICS, content + _block(counts))
 
@@ -370,10 +370,12 @@ class Reader:
             self._begin()
             self._read_records(len(MAGIC), len(self._data), is_summary=False)
         self._end_chunk()
-        self.chunks.sort(key=lambda one: one.offset)
-        for one, following in pairwise(self.chunks):
-            if one.offset + one.length > following.offset:
-                raise RecordingError(f"the chunks at bytes {one.offset} and {following.offset} overlap  ({self.path})")
+        self.chunks.sort(key=lambda chunk: chunk.offset)
+        for chunk, following in pairwise(self.chunks):
+            if chunk.offset + chunk.length > following.offset:
+                raise RecordingError(
+                    f"the chunks at bytes {chunk.offset} and {following.offset} overlap  ({self.path})"
+                )
 
     def _begin(self) -> None:
         self.library = ""
@@ -383,7 +385,7 @@ class Reader:
         self.attachments: list[AttachmentIndex] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self._places: list[tuple[int, int]] = []
-        """Of the last chunk: its channels, and the places of their indexes."""
+        """Channels of the last chunk, and the places of their indexes."""
         self._left = {
             "records": LEAST_RECORDS + self.size // RECORD_SIZE,
             "chunks": LEAST_CHUNKS + self.size // CHUNK_SIZE,
@@ -393,11 +395,11 @@ class Reader:
         }
         """How many more of each are read."""
 
-    def _count(self, what: str, number: int = 1) -> None:
+    def _count(self, plural: str, number: int = 1) -> None:
         """Raises `RecordingError` if there are too many."""
-        self._left[what] -= number
-        if self._left[what] < 0:
-            raise RecordingError(f"the file has more {what} than a recording of its size can have  ({self.path})")
+        self._left[plural] -= number
+        if self._left[plural] < 0:
+            raise RecordingError(f"the file has more {plural} than a recording of its size can have  ({self.path})")
 
     def _read_summary(self) -> bool:
         """Whether the file has a whole summary."""
@@ -487,7 +489,7 @@ class Reader:
             self._read_record(METADATA, self._record(place, METADATA), place)
 
     def _end_chunk(self) -> None:
-        """Without a summary: the indexes of the last chunk are complete."""
+        """Note the indexes of the last chunk, which are complete; used while a file without summary is read."""
         if self._places:
             self.chunks[-1] = self.chunks[-1]._replace(places=np.array(self._places, _CHANNEL_PLACE))
             self._places = []
@@ -495,8 +497,8 @@ class Reader:
     def _record(self, offset: int, kind: int) -> _Cursor:
         """The content of the record at a place. Raises `_CutOffError` if it is not there, or of another kind."""
         cursor = _Cursor(self._data, offset, len(self._data))
-        found, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
-        if found != kind:
+        opcode, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
+        if opcode != kind:
             raise _CutOffError(": it does not begin with a record of that kind")
         return _Cursor(self._data, cursor.at, cursor.at + length)
 
@@ -504,11 +506,11 @@ class Reader:
 
     def attachment(self, name: str) -> bytes:
         """The content of an attachment. Raises `RecordingError`."""
-        found = [one for one in self.attachments if one.name == name]
-        if not found:
+        named = [attachment for attachment in self.attachments if attachment.name == name]
+        if not named:
             raise RecordingError(f"the file has no attachment '{name}'  ({self.path})")
         try:
-            cursor = self._record(found[0].offset, ATTACHMENT)
+            cursor = self._record(named[0].offset, ATTACHMENT)
             start = cursor.at
             cursor.take(16)
             cursor.text()
@@ -530,13 +532,16 @@ class Reader:
         self.work += CHUNK_WORK
         try:
             content = self._content(index)
-            found = self._indexed(index, content) or Messages(content, _places(content))
+            messages = self._indexed(index, content) or Messages(content, _places(content))
         except (_CutOffError, UnicodeDecodeError) as error:
             raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
-        self._cache[chunk] = found
-        while len(self._cache) > CACHED_CHUNKS or sum(one.size for one in self._cache.values()) > CACHE_SIZE:
+        self._cache[chunk] = messages
+        while (
+            len(self._cache) > CACHED_CHUNKS
+            or sum(messages_of_chunk.size for messages_of_chunk in self._cache.values()) > CACHE_SIZE
+        ):
             self._cache.popitem(last=False)
-        return found
+        return messages
 
     def _indexed(self, index: ChunkIndex, content: bytes) -> Messages | None:
         """The messages of a chunk by the indexes of its channels; None if these do not name all that is in it."""
@@ -553,15 +558,15 @@ class Reader:
                 places.append(np.frombuffer(cursor.take(size), "<i8").reshape(-1, 2)[:, 1])
         except (_CutOffError, ValueError):
             return None
-        found = np.sort(np.concatenate(places))
-        if len(found) == 0 or found[0] != 0 or found[-1] > len(content) - _HEAD.itemsize:
+        starts = np.sort(np.concatenate(places))
+        if len(starts) == 0 or starts[0] != 0 or starts[-1] > len(content) - _HEAD.itemsize:
             return None
-        messages = Messages(content, found)
+        messages = Messages(content, starts)
         return messages if messages.are_whole else None
 
     def chunk_at(self, time: int) -> int:
         """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
-        return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
+        return bisect.bisect_right(self.chunks, time, key=lambda chunk_index: chunk_index.start) - 1
 
     def _content(self, index: ChunkIndex) -> bytes:
         if self._data.closed:
@@ -582,7 +587,7 @@ class Reader:
 
 
 def _decompressed(compression: str, data: bytes, size: int) -> bytes:
-    """At most `size` bytes, whatever the data are."""
+    """The unpacked data, at most `size` bytes, whatever the data are."""
     if compression == "zstd":
         try:
             if zstd.get_frame_info(data).decompressed_size not in {None, size}:  # None: the data do not say
@@ -613,7 +618,7 @@ class Messages(Sequence[Message]):
 
     @property
     def size(self) -> int:
-        """Of the chunk [bytes]."""
+        """Size of the chunk [bytes]."""
         return len(self._content)
 
     @property
@@ -631,7 +636,7 @@ class Messages(Sequence[Message]):
     def __getitem__(self, i: slice) -> list[Message]: ...
     def __getitem__(self, i: int | slice) -> Message | list[Message]:
         if isinstance(i, slice):
-            return [self[one] for one in range(*i.indices(len(self)))]
+            return [self[number] for number in range(*i.indices(len(self)))]
         _, _, channel, sequence, log_time, publish_time = self._heads[i].item()
         data = self._content[int(self._places[i]) + _HEAD.itemsize : int(self._ends[i])]
         return Message(channel, sequence, log_time, publish_time, data)
@@ -648,22 +653,22 @@ class Messages(Sequence[Message]):
 
     def last(self, channel: int, before: int | None = None) -> int:
         """Place of the last message of a channel before a place; -1 if there is none."""
-        found = np.flatnonzero(self.channels[:before] == channel)
-        return int(found[-1]) if len(found) else -1
+        of_channel = np.flatnonzero(self.channels[:before] == channel)
+        return int(of_channel[-1]) if len(of_channel) else -1
 
 
 NO_PLACES = np.empty(0, _CHANNEL_PLACE)
 NO_MESSAGES = Messages(b"", np.empty(0, np.int64))
-"""Of a chunk that is damaged."""
+"""The messages of a damaged chunk: none."""
 
 
 def _places(content: bytes) -> NDArray[np.int64]:
     """Where the messages of a chunk begin, found from record to record."""
-    found: list[int] = []
+    starts: list[int] = []
     at, size = 0, len(content)
     for _ in range(MAX_MESSAGES):
         if at == size:
-            return np.array(found, np.int64)
+            return np.array(starts, np.int64)
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")
         kind, length = _RECORD_HEAD.unpack_from(content, at)
@@ -671,7 +676,7 @@ def _places(content: bytes) -> NDArray[np.int64]:
         if end > size or (kind == MESSAGE and length < 22):
             raise _CutOffError(": a record is cut off")
         if kind == MESSAGE:
-            found.append(at)
+            starts.append(at)
         at = end
     raise _CutOffError(f": it has more than {MAX_MESSAGES} records")
 
@@ -721,10 +726,10 @@ class _File:
 
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of a part."""
-        found = 0
+        checksum = 0
         for at in range(start, end, 2**20):
-            found = zlib.crc32(self[at : min(at + 2**20, end)], found)
-        return found
+            checksum = zlib.crc32(self[at : min(at + 2**20, end)], checksum)
+        return checksum
 
 
 class _Cursor:
@@ -744,10 +749,10 @@ class _Cursor:
         if self.at + size > self.end:
             raise _CutOffError
         self.at += size
-        found = self._data[self.at - size : self.at]
-        if len(found) < size:
+        content = self._data[self.at - size : self.at]
+        if len(content) < size:
             raise _CutOffError(": the file has become shorter since it was opened")
-        return found
+        return content
 
     def number(self, form: str) -> int:
         return struct.unpack(form, self.take(struct.calcsize(form)))[0]
@@ -764,8 +769,8 @@ class _Cursor:
     def texts(self) -> dict[str, str]:
         block = self.block()
         inner = _Cursor(block, 0, len(block))
-        found: dict[str, str] = {}
+        texts: dict[str, str] = {}
         while inner.at < len(block):
             key = inner.text()
-            found[key] = inner.text()
-        return found
+            texts[key] = inner.text()
+        return texts

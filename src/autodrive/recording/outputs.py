@@ -23,7 +23,7 @@ from autodrive.recording.wire import descriptor
 log = logging.getLogger(__name__)
 
 START = mcap.header(f"autodrive {__version__}")
-"""Of each file."""
+"""Header of each file."""
 CHUNK_TIME = 0.7
 """A chunk is written this long after its first message [s of wall time]; less than 1 s is lost, with `DRAIN_TIME`."""
 CHUNK_SIZE = 2**19
@@ -60,14 +60,14 @@ class Output:
         raise NotImplementedError
 
     def registered(self, schema: Schema | None, channel: Channel) -> None:
-        """There is a new channel, perhaps with a new schema."""
+        """Called after a new channel was added, perhaps with a new schema."""
 
     def finished(self, chunk: Chunk) -> None:
         """A chunk is full."""
         raise NotImplementedError
 
     def trigger(self, now: int) -> None:
-        """There was an event of the ring mode."""
+        """Called after an event of the ring mode."""
 
     def close(self) -> None:
         """Write what is left."""
@@ -212,7 +212,7 @@ class RingOutput(Output):
             self._kept.popleft()
 
     def end_frame(self, now: int) -> None:
-        """As in `Output`; the second after an event may have passed."""
+        """End a Frame; write the buffer if the second after an event has passed."""
         super().end_frame(now)
         if self._due is not None and now >= self._due:
             self._write()

@@ -42,7 +42,7 @@ class Messages(Protocol):
         ...
 
     def log_times(self, topic: str) -> NDArray[np.float64]:
-        """Their times [s]."""
+        """Times of the messages of a topic [s]."""
         ...
 
     def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
@@ -108,10 +108,10 @@ class Signals(Mapping[str, NDArray[Any]]):
         for name in names:
             topics.setdefault(self._topic(name), {})[name] = self._path(name)
         for messages in self._recording.blocks(topics, start, end):
-            for topic, of in messages.items():
-                times = np.array([one.log_time for one in of]) / NANOSECONDS
+            for topic, of_topic in messages.items():
+                times = np.array([message.log_time for message in of_topic]) / NANOSECONDS
                 message = self._message(next(iter(topics[topic])))
-                columns = message.columns(list(topics[topic].values()), [one.data for one in of])
+                columns = message.columns(list(topics[topic].values()), [message.data for message in of_topic])
                 for name, column in zip(topics[topic], columns, strict=True):
                     for places, values in _arrays(column):
                         yield {name: (times[places], values)}
@@ -129,14 +129,14 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def _read(self, name: str) -> NDArray[Any]:
         _, signal = self._found(name)
-        (found,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
-        if signal.dtype.kind == "f" or any(one is None for one in found):
-            shape: tuple[int, ...] = next((np.shape(one) for one in found if one is not None), ())
-            filled = [np.full(shape, np.nan) if one is None else one for one in found]
-            if len({np.shape(one) for one in filled}) > 1:
+        (values,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
+        if signal.dtype.kind == "f" or any(value is None for value in values):
+            shape: tuple[int, ...] = next((np.shape(value) for value in values if value is not None), ())
+            filled = [np.full(shape, np.nan) if value is None else value for value in values]
+            if len({np.shape(value) for value in filled}) > 1:
                 raise RecordingError(f"signal '{name}' changes its size in the recording; read it from the Frames")
             return np.array(filled, np.float64)
-        return np.array(found, signal.dtype)
+        return np.array(values, signal.dtype)
 
     def _messages(self, topic: str) -> list[bytes]:
         if topic not in self._data:
@@ -162,5 +162,5 @@ def _arrays(values: Sequence[Any]) -> Iterator[tuple[list[int], NDArray[Any]]]:
     for i, value in enumerate(values):
         if value is not None:
             places.setdefault(np.shape(value), []).append(i)
-    for found in places.values():
-        yield found, np.array([values[i] for i in found])
+    for rows in places.values():
+        yield rows, np.array([values[i] for i in rows])

@@ -71,8 +71,8 @@ class _Images:
         assert isinstance(cameras, LazyImages)
         names = [name for name in ("front", "rear") if name in cameras]
         names = (names or [*cameras])[: self._count]
-        found = [self._written(cameras, name, i, stamp) for i, name in enumerate(names)]
-        return found + [""] * (self._count - len(found))
+        written = [self._written(cameras, name, i, stamp) for i, name in enumerate(names)]
+        return written + [""] * (self._count - len(written))
 
     def _written(self, cameras: LazyImages, name: str, number: int, stamp: str) -> str:
         time, path = self._latest.get(name, (math.nan, ""))
@@ -113,7 +113,7 @@ class DriveLog:
     steering: Floats
     """[rad], left positive, shape (n,)."""
     ticks: Floats
-    """Of the left and the right encoder, shape (n, 2)."""
+    """Ticks of the left and the right encoder, shape (n, 2)."""
     position: Floats
     """[m], shape (n, 3)."""
     euler: Floats

@@ -43,7 +43,7 @@ class ReplayOptions(PageOptions):
     is_paused: bool = False
     """Whether it waits for a viewer to play."""
     camera_quality: str = "auto"
-    """Of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
+    """Quality of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
 
 
 class Replay:
