@@ -102,7 +102,7 @@ class Views(NamedTuple):
     applied: Floats
     """Forces and torques on the bodies, as `Scratch.applied`."""
     acceleration: Floats
-    """Shape (6 n_body,); likewise the next one."""
+    """Accelerations of the bodies, as is `smooth_acceleration`, which is without constraints, shape (6 n_body,)."""
     smooth_acceleration: Floats
     contact_count: NDArray[np.int32]
     """Current number of contacts, shape (1,)."""
@@ -130,7 +130,7 @@ class Geom(NamedTuple):
     position: Floats
     """Centre in the frame of the body [m]."""
     orientation: Floats
-    """Quaternion wxyz, likewise."""
+    """Quaternion wxyz, body from collider."""
     bounding_radius: float
     is_stopped_by_floor: bool
     body: int

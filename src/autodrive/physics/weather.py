@@ -60,7 +60,7 @@ SOAKED = 0.5
 WETTING, DRYING = 20.0, 300.0
 """Time constants of the wetness of the ground [s]; our choice, for runs of minutes."""
 COVERING, MELTING = 60.0, 300.0
-"""Time constants of its snow cover [s], likewise."""
+"""Time constants of the snow cover of the ground [s]; our choice, for runs of minutes."""
 SETTLED = 1e-3
 """A difference of wetness or snow cover from its steady value that is no longer followed."""
 

@@ -58,7 +58,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
     `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
-    are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
+    are sent, as for `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.

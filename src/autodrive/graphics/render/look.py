@@ -51,10 +51,11 @@ class Daylight:
     sun_color: Vector
     """Irradiance of a surface that faces the sun."""
     zenith: Vector
-    """Irradiance by a sky of only this colour; likewise the next two."""
+    """Irradiance by a sky that has the colour of the zenith everywhere."""
     horizon: Vector
+    """Irradiance by a sky that has the colour of the horizon everywhere."""
     floor_glow: Vector
-    """Light reflected from below."""
+    """Light reflected from below, as irradiance."""
     exposure: float
     """Factor for all reflected light."""
     glow: float

@@ -51,7 +51,7 @@ class ReadingColumns(NamedTuple):
     """Inverse ranges of the scan in progress [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR,  shape
     (n, v, 0)."""
     sweep_hits: Integers
-    """Shapes that its rays hit in weather, likewise."""
+    """Shapes that the rays of the scan in progress hit in weather, with the shape of `sweep_ranges`."""
 
 
 class Motion(NamedTuple):
@@ -107,7 +107,7 @@ class Working(NamedTuple):
     inverse_range: Floats
     """[1/m], shape (most rays of a LIDAR,)."""
     hits: Integers
-    """Number of the shape that each ray hits, -1 for the ground; only in weather. Likewise."""
+    """Number of the shape that each ray hits, -1 for the ground, shape (most rays of a LIDAR,); only in weather."""
     values: Floats
     """Shape (9,)."""
 
