@@ -210,7 +210,7 @@ class Grid:
             self.retire(seat, reason)
 
     def retire_the_silent(self) -> None:
-        """In real time: take the scripts out that have sent no command for too long."""
+        """Take the scripts out that have sent no command for too long, in real time."""
         if self.simulation.is_paused:  # by a marshal: the scripts have nothing to answer
             for seat in self.seats:
                 seat.answered_at = time.monotonic()
@@ -437,5 +437,5 @@ def _digests(simulation: Simulation, scripts: Mapping[str, _Script]) -> dict[str
     specs = simulation.world.specs
     assert specs.rules is not None
     files = {"track": specs.map, "rules": specs.rules}
-    digests = {name: hashlib.sha256(one.text.encode()).hexdigest() for name, one in files.items()}
+    digests = {name: hashlib.sha256(file.text.encode()).hexdigest() for name, file in files.items()}
     return {**digests, **{name: script.code.digest for name, script in scripts.items()}}

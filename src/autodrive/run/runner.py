@@ -230,8 +230,8 @@ def opened(
         server.serve(_served(run, recordings, refusal))
         run.server = server
         stack.callback(server.close)  # before the simulation ends
-    for one in bridges:
-        stack.callback(one.close)
+    for bridge in bridges:
+        stack.callback(bridge.close)
     return run
 
 

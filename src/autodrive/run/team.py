@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from autodrive.experiments.policies.policy import Policy
 
 TICKS = 5
-"""Of an action."""
+"""Ticks of an action."""
 STEPS = {"crossing": 600, "duel": 4800}
-"""Of an episode."""
+"""Most steps of an episode, by task."""
 TRACKS, TRACK_SEED = 8, 1000
 """Random tracks of a duel of policies; none of them is trained on."""
 
@@ -52,13 +52,13 @@ class Team(NamedTuple):
 
 
 class Results(NamedTuple):
-    """Of some episodes; each of shape (episodes, cars)."""
+    """Results of some episodes; each array has the shape (episodes, cars)."""
 
     is_success: Bools
     has_collided: Bools
     """Whether the car touched something before its episode ended."""
     is_at_fault: Bools
-    """Likewise, unless that was a car behind it on the track."""
+    """Whether the car has collided, unless that was a car behind it on the track."""
 
 
 def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
@@ -75,7 +75,7 @@ def learnt_team(policy: Policy) -> Team:
     if policy.task != Crossing.name:
         raise SpecError([f"the policy was trained for '{policy.task}', not for '{Crossing.name}'"])
     task = Crossing(TICKS)
-    names = [one.name for one in observed(task, "state")]
+    names = [feature.name for feature in observed(task, "state")]
 
     def start(count: int) -> Act:
         drivers = Drivers(policy, names, count)
@@ -94,7 +94,7 @@ def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_n
             raise SpecError([f"the policy was trained for '{policy.task}', not for a race"])
 
     def start(count: int) -> Act:
-        racers = [one if callable(one) else PolicyRacers(one, count // 2).act for one in (first, second)]
+        racers = [driver if callable(driver) else PolicyRacers(driver, count // 2).act for driver in (first, second)]
 
         def act(observations: NDArray[np.float32], cars: CarReadings) -> Floats:
             commands = np.empty((count, 2))
@@ -114,15 +114,15 @@ def program(file: Path) -> Act:
     It gets ranges [m] and angles [rad] of a scan, from right to left, and returns throttle and steering. Raises
     `SpecError` if there is no such function.
     """
-    found = runpy.run_path(str(file)).get("command") if file.is_file() else None
-    if not callable(found):
+    command = runpy.run_path(str(file)).get("command") if file.is_file() else None
+    if not callable(command):
         raise SpecError([f"{file}: there is no such file with a function command(ranges, angles)"])
     angles = np.radians(np.linspace(-135.0, 135.0, 1080))
-    return lambda _, cars: np.array([found(ranges, angles) for ranges in cars.lidar_ranges])
+    return lambda _, cars: np.array([command(ranges, angles) for ranges in cars.lidar_ranges])
 
 
 def drive(team: Team, episodes: int, seed: int = 0) -> Results:
-    """So many episodes with the seeds `seed`, `seed` + 1, ..."""
+    """The results of that many episodes with the seeds `seed`, `seed` + 1, ..."""
     task = team.task
     cars = len(task.scenario.vehicles)
     steps = STEPS[task.name]
@@ -150,7 +150,7 @@ def show(
     port: int | None = None,
     is_real_time: bool = True,
 ) -> Results:
-    """Likewise, one episode after the other, with the page, on that port; `episodes` None: until Ctrl-C.
+    """Drive one episode after the other with the page, on that port; `episodes` None: until Ctrl-C.
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
@@ -166,13 +166,13 @@ def show(
 
 
 def summary(team: Team, results: Results) -> str:
-    """Of all episodes, for people."""
+    """The results of all episodes in words, for people."""
     count, cars = results.is_success.shape
     number = f"{count} episode{'s' * (count > 1)}"
     if not _is_own_duel(team.task):
         share, whole = results.is_success.mean(), results.is_success.all(axis=1).mean()
         return f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
-    columns = zip(team.task.scenario.vehicles, *(one.mean(axis=0) for one in results), strict=True)
+    columns = zip(team.task.scenario.vehicles, *(result.mean(axis=0) for result in results), strict=True)
     return f"{number}: " + "; ".join(
         f"{name} won {won:.1%}, collided in {hit:.1%}, by its own fault in {fault:.1%}"
         for name, won, hit, fault in columns
@@ -221,9 +221,9 @@ class _Tally:
         self.is_over |= ends
 
     def results(self, cars: int) -> Results:
-        """Of all episodes."""
+        """The results of all episodes."""
         columns = self._is_success, self._has_collided, self._has_collided & ~self._is_hit
-        return Results(*(one.reshape(-1, cars) for one in columns))
+        return Results(*(column.reshape(-1, cars) for column in columns))
 
 
 def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
@@ -237,7 +237,7 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     for step in range(STEPS[task.name]):
         commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
-        frame = rendered.step({name: Command(*one) for name, one in zip(names, commands.tolist(), strict=True)})
+        frame = rendered.step({name: Command(*command) for name, command in zip(names, commands.tolist(), strict=True)})
         cars = CarReadings.of_frame(frame)
         outcome = seen.advance(cars)
         is_late = step + 1 == STEPS[task.name]
