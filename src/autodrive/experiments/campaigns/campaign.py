@@ -82,13 +82,13 @@ class CampaignSpec(Spec):
 
     @field_validator("parameters", mode="before")
     @classmethod
-    def _short_forms(cls, given: Any) -> Any:
+    def _short_forms(cls, parameters: Any) -> Any:
         """A list is a choice, and a value the only one."""
-        if not isinstance(given, dict):
-            return given
+        if not isinstance(parameters, dict):
+            return parameters
         return {
-            path: one if isinstance(one, dict) else {"choice": one if isinstance(one, list) else [one]}
-            for path, one in given.items()
+            path: values if isinstance(values, dict) else {"choice": values if isinstance(values, list) else [values]}
+            for path, values in parameters.items()
         }
 
     @property
@@ -103,7 +103,7 @@ class Campaign:
 
     spec: CampaignSpec
     descriptions: Descriptions
-    """Of the scenario, with its files."""
+    """The scenario with its files."""
     folder: Path
     name: str = "campaign"
     path: Path | None = field(default=None, compare=False)
@@ -146,7 +146,7 @@ class Campaign:
 
     @property
     def scenario(self) -> ScenarioSpec:
-        """Of all runs, before their parameters."""
+        """The scenario of all runs, before their parameters."""
         return self.descriptions.specs.scenario
 
     @property
@@ -193,7 +193,7 @@ class Run:
     sample: int
     seed: int
     values: dict[str, Value]
-    """Of the parameters, by path."""
+    """Values of the parameters, by path."""
     recording: str = ""
     """Recording file that is written, as `record` says; empty: none."""
 
@@ -250,8 +250,8 @@ def error_text(error: BaseException, folder: Path) -> str:
 def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beside the scenario: places and texts."""
     for i, name in enumerate(spec.metrics):
-        if found := FUNCTION.fullmatch(name):
-            if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+        if match := FUNCTION.fullmatch(name):
+            if problem := _loading_problem(folder, match["file"], match["name"], spec.time_limit):
                 yield ("metrics", i), problem
         elif name not in METRICS:
             yield ("metrics", i), f"'{name}' is not known. {suggest(name, sorted(METRICS))}"
@@ -263,8 +263,8 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
             Expression(spec.pass_, columns)
         except ValueError as error:
             yield ("pass",), str(error)
-    if found := FUNCTION.fullmatch(spec.driver):
-        if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+    if match := FUNCTION.fullmatch(spec.driver):
+        if problem := _loading_problem(folder, match["file"], match["name"], spec.time_limit):
             yield ("driver",), problem
     elif policy := policy_file(spec.driver, folder):
         try:
@@ -292,15 +292,15 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         if parameters.DRIVER.fullmatch(name) and not FUNCTION.fullmatch(spec.driver):
             yield ("parameters", name), "only a class 'FILE.py:CLASS' has arguments; another driver would ignore it"
     if method == "grid":
-        for name, one in ranges.items():
-            if one.is_continuous:
+        for name, range_ in ranges.items():
+            if range_.is_continuous:
                 yield ("parameters", name), "a range needs samples: {method: sobol, count: ...}, or another method"
     if method in ("grid", "list") and spec.samples.count is not None:
         yield ("samples", "count"), f"the method '{method}' has no count"
     if method in ("random", "latin_hypercube", "sobol") and spec.samples.count is None:
         yield ("samples",), f"the method '{method}' needs a count"
     if method == "list":
-        crossed = {name for name, one in ranges.items() if one.grid}
+        crossed = {name for name, range_ in ranges.items() if range_.grid}
         for i, point in enumerate(spec.samples.points):
             if wrong := sorted(set(point) ^ (set(ranges) - crossed)):
                 yield ("samples", "points", i), f"must have each parameter without a grid, once: {', '.join(wrong)}"

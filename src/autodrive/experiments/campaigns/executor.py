@@ -102,7 +102,7 @@ class LocalExecutor:
         """Results as runs end."""
         while self._pending:
             ended, self._pending = wait(self._pending, return_when=FIRST_COMPLETED)
-            yield from (one.result() for one in ended)
+            yield from (future.result() for future in ended)
 
     def cancel(self) -> None:
         """End the workers."""

@@ -47,7 +47,7 @@ class Kind:
     """Metrics of one number of each Frame: calling it makes one for a run."""
 
     sample: Callable[[Scene, Frame, Frame | None], float]
-    """Of a Frame and of the one before, which the first one does not have; nan: none."""
+    """A number of a Frame and of the one before, which the first Frame does not have; nan: there is none."""
     take: Callable[[float, float], float] = operator.add
     """The amount with one more sample."""
     start: float = 0.0
@@ -62,7 +62,7 @@ class Kind:
 
 
 class _Sampled(Metric):
-    """See `Kind`."""
+    """A metric of a `Kind`, which samples Frames and combines the numbers."""
 
     def __init__(self, scene: Scene, kind: Kind) -> None:
         super().__init__(scene)
@@ -100,10 +100,10 @@ class MinClearance(Metric):
 
     def observe(self, frame: Frame) -> None:  # noqa: D102
         own = _placed(self._outlines[self.scene.vehicle], frame.vehicles[self.scene.vehicle].pose)
-        others = [_placed(self._boxes[name], one.pose) for name, one in frame.objects.items()]
+        others = [_placed(self._boxes[name], body.pose) for name, body in frame.objects.items()]
         others += [
-            _placed(self._outlines[name], one.pose)
-            for name, one in frame.vehicles.items()
+            _placed(self._outlines[name], vehicle.pose)
+            for name, vehicle in frame.vehicles.items()
             if name != self.scene.vehicle
         ]
         if others:
@@ -130,8 +130,8 @@ class FunctionMetric(Metric):
 
 
 def _events(scene: Scene, frame: Frame, kind: type[T]) -> list[T]:
-    """Those of that kind of the vehicle."""
-    return [one for one in frame.events if isinstance(one, kind) and one.vehicle == scene.vehicle]
+    """Events of that kind of the vehicle."""
+    return [event for event in frame.events if isinstance(event, kind) and event.vehicle == scene.vehicle]
 
 
 def _count(kind: type[Collision | OffRoad | LapCompleted]) -> Kind:
@@ -139,7 +139,7 @@ def _count(kind: type[Collision | OffRoad | LapCompleted]) -> Kind:
 
 
 def _lap_time(scene: Scene, frame: Frame, before: Frame | None) -> float:
-    return min((one.lap_time for one in _events(scene, frame, LapCompleted)), default=math.nan)
+    return min((lap.lap_time for lap in _events(scene, frame, LapCompleted)), default=math.nan)
 
 
 def _speed(scene: Scene, frame: Frame, before: Frame | None) -> float:
@@ -148,7 +148,7 @@ def _speed(scene: Scene, frame: Frame, before: Frame | None) -> float:
 
 
 def _way(scene: Scene, frame: Frame, before: Frame | None) -> float:
-    """Of the rear axle centre in a tick [m]."""
+    """Way of the rear axle centre in a tick [m]."""
     speed = math.hypot(*frame.vehicles[scene.vehicle].velocity[:2].tolist())
     return math.nan if before is None else speed * scene.scenario.tick
 
@@ -158,7 +158,9 @@ def _work(scene: Scene, frame: Frame, before: Frame | None) -> float:
     if before is None:
         return math.nan
     mass = scene.vehicles[scene.vehicle].body.mass
-    now, then = (0.5 * mass * speed * speed for speed in (_speed(scene, one, None) for one in (frame, before)))
+    now, then = (
+        0.5 * mass * speed * speed for speed in (_speed(scene, each_frame, None) for each_frame in (frame, before))
+    )
     return max(0.0, now - then)
 
 
@@ -166,7 +168,7 @@ def _square_steering_rate(scene: Scene, frame: Frame, before: Frame | None) -> f
     """[rad^2/s^2]."""
     if before is None:
         return math.nan
-    angle, last = (one.vehicles[scene.vehicle].steering for one in (frame, before))
+    angle, last = (each_frame.vehicles[scene.vehicle].steering for each_frame in (frame, before))
     return ((angle - last) / scene.scenario.tick) ** 2
 
 
@@ -187,7 +189,7 @@ def _greatest(amount: float, sample: float) -> float:
 
 
 def _root_mean(amount: float, count: int, none: float = math.nan) -> float:
-    """Of squares."""
+    """The root of the mean of squares whose sum is `amount`."""
     return math.sqrt(amount / count) if count else none
 
 
@@ -200,7 +202,7 @@ METRICS: dict[str, Callable[[Scene], Metric]] = {
     "laps": _count(LapCompleted),
     "lateral_error_max": Kind(_lateral_error, _greatest, math.nan, every_tick=False),
     "lateral_error_rms": Kind(
-        _lateral_error, lambda amount, one: amount + one * one, 0.0, _root_mean, every_tick=False
+        _lateral_error, lambda amount, sample: amount + sample * sample, 0.0, _root_mean, every_tick=False
     ),
     "max_speed": Kind(_speed, _greatest),
     "mean_speed": Kind(_speed, end=operator.truediv),

@@ -28,15 +28,16 @@ LOCAL, AUTO = "local", "auto"
 CONNECT_TIME = 10.0
 """A cluster that does not accept a connection within that time is not there [s]."""
 LONGEST_FOLDER = 35
-"""Of temporary files [bytes]: Ray has sockets in it, whose paths have at most 107 bytes (103 on macOS)."""
+"""Longest path of the folder of temporary files [bytes]: Ray has sockets in it, whose paths have at most 107 bytes (103
+on macOS)."""
 END_TIME = 5.0
 """An actor that has not removed its files after that time is ended [s]."""
 LOSSES = 3
-"""If each actor has been lost so often without a result in between, something is wrong with all of them."""
+"""Number of times that each actor may be lost without a result in between; then something is wrong with all of them."""
 
 
 class Remote:
-    """On a node of the cluster: unpacks the campaign and runs runs in a worker process."""
+    """An actor on a node of the cluster: it unpacks the campaign and runs runs in a worker process."""
 
     def prepare(self, files: CampaignFiles) -> tuple[str, ...]:
         """Unpack the campaign; the versions here of what decides a result."""
@@ -203,7 +204,7 @@ class RayExecutor:
         if run is not None:
             return answer
         if answer != self._versions:
-            here, there = (", ".join(one[:-1]) for one in (self._versions, answer))
+            here, there = (", ".join(versions[:-1]) for versions in (self._versions, answer))
             raise AutodriveError(
                 "a node of the cluster has another autodrive, mujoco-core or numpy, or other sources of autodrive: "
                 f"{there} instead of {here}"

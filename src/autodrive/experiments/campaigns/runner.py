@@ -34,13 +34,13 @@ class Result:
 
     number: int
     metrics: dict[str, float] = field(default_factory=dict)
-    """By name; nan: there is none."""
+    """Values of the metrics by name; nan: there is none."""
     end: str = ""
     """'time', or the name of the event that ended it."""
     time: float = 0.0
     """Simulated time [s]."""
     digest: int = 0
-    """Of end, metrics and last poses: whether two runs differ."""
+    """Digest of end, metrics and last poses: whether two runs differ."""
     error: str = ""
     """Why there is no result; empty if there is one."""
     recording: str = ""
@@ -96,9 +96,12 @@ class Runner:
                     poses.setdefault(name, {})[key] = float(value)
         world.set_factors(factors)
         placed = {**world.spec.vehicles, **world.spec.boxes}
-        starts = {name: _pose(placed[name], given) for name, given in poses.items()}
+        starts = {name: _pose(placed[name], pose) for name, pose in poses.items()}
         moved = {
-            kind: {name: one.model_copy(update=poses.get(name, {})) for name, one in getattr(world.spec, kind).items()}
+            kind: {
+                name: placement.model_copy(update=poses.get(name, {}))
+                for name, placement in getattr(world.spec, kind).items()
+            }
             for kind in ("vehicles", "boxes")
         }
         scenario = world.spec.model_copy(update={**moved, "seed": run.seed})
@@ -125,15 +128,18 @@ class Runner:
     def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
         spec = self.campaign.spec
         arguments = {
-            found[1]: value for path, value in run.values.items() if (found := parameters.DRIVER.fullmatch(path))
+            match[1]: value for path, value in run.values.items() if (match := parameters.DRIVER.fullmatch(path))
         }
         driver = self._driver(arguments)
         if isinstance(driver, DevkitScript):
             stack.callback(driver.close)
         driver.reset(scene)
-        metrics = {name: self._metric(one, scene) for name, one in zip(self.campaign.metric_names, spec.metrics)}  # noqa: B905
-        in_each = [one for one in metrics.values() if one.every_tick]
-        sampled = [one for one in metrics.values() if not one.every_tick]
+        metrics = {
+            name: self._metric(metric_name, scene)
+            for name, metric_name in zip(self.campaign.metric_names, spec.metrics)  # noqa: B905
+        }
+        in_each = [metric for metric in metrics.values() if metric.every_tick]
+        sampled = [metric for metric in metrics.values() if not metric.every_tick]
         period = max(1, round(PERIOD / scene.scenario.tick))
         delay = round(float(run.values.get(parameters.LATENCY, 0.0)) / scene.scenario.tick)
         sent: deque[Commands] = deque()
@@ -152,7 +158,7 @@ class Runner:
             if frame.events and (ended := self._ended(frame)):
                 end = ended
                 break
-        values = {name: float(one.value()) for name, one in metrics.items()}
+        values = {name: float(metric.value()) for name, metric in metrics.items()}
         return Result(run.number, values, end, world.time, _digest(frame, end, values))
 
     def _ended(self, frame: Frame) -> str:
@@ -163,27 +169,27 @@ class Runner:
     def _driver(self, arguments: dict[str, Value]) -> Driver:
         if policy := self.campaign.policy:
             return PolicyDriver(policy)
-        found = FUNCTION.fullmatch(self.campaign.spec.driver)
-        if not found:
+        match = FUNCTION.fullmatch(self.campaign.spec.driver)
+        if not match:
             return DevkitScript(self.campaign.spec.driver, self.campaign.folder)
-        return load(self.campaign.folder / found["file"], found["name"])(**arguments)
+        return load(self.campaign.folder / match["file"], match["name"])(**arguments)
 
     def _metric(self, name: str, scene: Scene) -> Metric:
-        found = FUNCTION.fullmatch(name)
-        if not found:
+        match = FUNCTION.fullmatch(name)
+        if not match:
             return METRICS[name](scene)
-        return FunctionMetric(scene, load(self.campaign.folder / found["file"], found["name"]))
+        return FunctionMetric(scene, load(self.campaign.folder / match["file"], match["name"]))
 
 
-def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]:
+def _pose(placed: Any, changes: Mapping[str, float]) -> tuple[float, float, float]:
     """x, y [m] and yaw [rad] of a vehicle or a box, with the values that are given."""
-    x, y, yaw_deg = (given.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
+    x, y, yaw_deg = (changes.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
     return x, y, math.radians(yaw_deg)
 
 
 def _digest(frame: Frame, *results: object) -> int:
-    """Of the last poses and of other results, in 8 bytes."""
-    poses = [one.pose for one in (*frame.vehicles.values(), *frame.objects.values())]
+    """A digest of the last poses and of other results, in 8 bytes."""
+    poses = [body.pose for body in (*frame.vehicles.values(), *frame.objects.values())]
     data = b"".join(part.tobytes() for pose in poses for part in (pose.position, pose.orientation))
     data += repr((frame.time, *results)).encode()
     return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest(), signed=True)

@@ -37,12 +37,12 @@ class Progress:
     done: int = 0
     """Rows in the table."""
     reused: int = 0
-    """Of these, rows that were known."""
+    """Number of rows that were known before."""
     failures: int = 0
     errors: int = 0
 
     def count(self, status: str) -> None:
-        """There is one more row."""
+        """Count one more row."""
         self.done += 1
         self.failures += status == "fail"
         self.errors += status == "error"
@@ -61,7 +61,7 @@ class Outcome:
 
     folder: Path
     summary: dict[str, Any]
-    """As in `summary.json`."""
+    """Numbers of the campaign, as in `summary.json`."""
     is_complete: bool
     """False if it was stopped before all runs had ended."""
 
@@ -77,7 +77,7 @@ class Outcome:
 
 
 RESULT_FILES = ("table.parquet", "summary.json", "report.html")
-"""Of a campaign, in its folder, once it has ended."""
+"""Files with the results of a campaign, in its folder, once it has ended."""
 OWNER = ".campaign"
 """File in the folder of the results: path of the campaign's file from there."""
 

@@ -58,7 +58,7 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None if there is none."""
+        """Id of the process; None if there is none."""
         return None if self._process is None else self._process.pid
 
     def _answer(self, run: Run) -> Result:

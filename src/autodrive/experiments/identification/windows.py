@@ -30,7 +30,7 @@ class Windows:
     starts: Floats
     """[s], shape (w,)."""
     ticks: int
-    """Of each window."""
+    """Length of each window [ticks]."""
     motions: Floats
     """Forward and left speed, yaw rate, throttle, steering at the start; see `BatchWorld.reset`, shape (w, 5)."""
     poses: Floats
@@ -56,7 +56,7 @@ def windows_of(drive: Drive, length: float, warm_up: float) -> Windows:
     wanted = np.linspace(first, last - warm_up - length, count) if count > 1 else np.array([first])
     starts = np.unique(drive.time[np.searchsorted(drive.time, wanted - 1e-9)])  # several may follow the same gap
     whole = warm_up + length
-    starts = np.array([one for one in starts.tolist() if not _is_broken(drive, one - SMOOTHING, one + whole)])
+    starts = np.array([start for start in starts.tolist() if not _is_broken(drive, start - SMOOTHING, start + whole)])
     if len(starts) == 0:
         raise IdentificationError(
             f"the drive has no {whole:g} s without a collision, a reset, a jump or a gap; use shorter windows  "
@@ -85,8 +85,15 @@ def _cut(drive: Drive, starts: Floats, whole: float, warm_up: float) -> Windows:
         for start in starts.tolist()
     ]
     most = max(map(len, chosen))
-    rows = np.array([np.concatenate((one, np.full(most - len(one), one[-1] if len(one) else 0))) for one in chosen])
-    is_used = np.arange(most) < np.array([[len(one)] for one in chosen])
+    rows = np.array(
+        [
+            np.concatenate(
+                (rows_of_window, np.full(most - len(rows_of_window), rows_of_window[-1] if len(rows_of_window) else 0))
+            )
+            for rows_of_window in chosen
+        ]
+    )
+    is_used = np.arange(most) < np.array([[len(rows_of_window)] for rows_of_window in chosen])
     # the command in the middle of each tick
     middle = starts + (np.arange(ticks)[:, None] + 0.5) * drive.tick
     held = np.maximum(np.searchsorted(drive.command_time, middle, side="right") - 1, 0)
@@ -115,14 +122,14 @@ def _smooth(drive: Drive, column: str, times: Floats) -> Floats:
     values: Floats = getattr(drive, column)
     if column == "heading":
         values = np.unwrap(values)
-    found = np.empty((2, len(times)))
+    smoothed = np.empty((2, len(times)))
     for i, time in enumerate(times.tolist()):
         near = np.flatnonzero(np.abs(drive.time - time) <= SMOOTHING + 1e-9)
         if len(near) < 2:
             middle = int(np.searchsorted(drive.time, time))
             near = np.arange(max(0, middle - 1), min(len(values), middle + 2))
-        found[1, i], found[0, i] = np.polyfit(drive.time[near] - time, values[near], 1)
-    return found
+        smoothed[1, i], smoothed[0, i] = np.polyfit(drive.time[near] - time, values[near], 1)
+    return smoothed
 
 
 @dataclass(frozen=True)
@@ -178,7 +185,7 @@ class Simulator:
     def run(self, specs: Sequence[VehicleSpec], poses: Floats | None = None) -> Motion:
         """The motion of each candidate. `poses`: where the windows start, shape (w, 3); None: all at the origin."""
         parts = [self._run(specs[i : i + self.candidates], poses) for i in range(0, len(specs), self.candidates)]
-        return Motion(*(np.concatenate([getattr(one, name) for one in parts]) for name in Motion.__annotations__))
+        return Motion(*(np.concatenate([getattr(part, name) for part in parts]) for name in Motion.__annotations__))
 
     def close(self) -> None:
         """End the threads."""
@@ -186,13 +193,13 @@ class Simulator:
 
     def _run(self, specs: Sequence[VehicleSpec], poses: Floats | None) -> Motion:
         batch, w = self._batch, len(self._windows.starts)
-        driven = [self._driven(one) for one in specs]
+        driven = [self._driven(spec) for spec in specs]
         filled = [*driven, *driven[:1] * (self.candidates - len(specs))]
         start = np.zeros((batch.n, 3)) if poses is None else np.tile(poses, (self.candidates, 1))
         readings = batch.reset(
             poses={NAME: start},
             motions={NAME: self._motions},
-            vehicles={NAME: [one for one in filled for _ in range(w)]},
+            vehicles={NAME: [parameters for parameters in filled for _ in range(w)]},
         )
         ticks = np.empty((self._windows.ticks + 1, 5, batch.n))
         for tick in range(self._windows.ticks + 1):
