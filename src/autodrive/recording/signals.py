@@ -87,7 +87,7 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def at_frames(self, name: str) -> NDArray[np.float64]:
         """The values of a sensor of the user in each Frame, shape (n_frame, n_column); NaN without a reading."""
-        vehicle, signal = self._found(name)
+        vehicle, signal = self._vehicle_and_signal(name)
         state = records.state_topic(vehicle)
         (shown,) = self._states.vehicle.columns([["own"]], self._messages(state))
         (times,) = self._message(name).columns([["time"]], self._messages(self._topic(name)))
@@ -117,18 +117,18 @@ class Signals(Mapping[str, NDArray[Any]]):
                         yield {name: (times[places], values)}
 
     def _topic(self, name: str) -> str:
-        vehicle, signal = self._found(name)
+        vehicle, signal = self._vehicle_and_signal(name)
         if isinstance(signal, OwnSignal):
             return records.own_topic(vehicle, signal.name.removeprefix("own."))
         return records.scan_topic(vehicle) if signal.name.startswith("lidar.") else records.state_topic(vehicle)
 
-    def _found(self, name: str) -> tuple[str, Signal]:
+    def _vehicle_and_signal(self, name: str) -> tuple[str, Signal]:
         if name not in self.described:
             raise RecordingError(f"signal '{name}' is not known. {suggest(name, list(self.described))}")
         return name.partition("/")[0], self.described[name]
 
     def _read(self, name: str) -> NDArray[Any]:
-        _, signal = self._found(name)
+        _, signal = self._vehicle_and_signal(name)
         (values,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
         if signal.dtype.kind == "f" or any(value is None for value in values):
             shape: tuple[int, ...] = next((np.shape(value) for value in values if value is not None), ())
@@ -145,14 +145,14 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def _message(self, name: str) -> wire.Message:
         """The message that contains a signal."""
-        signal = self._found(name)[1]
+        signal = self._vehicle_and_signal(name)[1]
         if isinstance(signal, OwnSignal):
             return self._recording.own_message
         return self._recording.scan_message if signal.name.startswith("lidar.") else self._states.vehicle
 
     def _path(self, name: str) -> list[str]:
         """Fields of the message, down to a signal."""
-        signal = self._found(name)[1]
+        signal = self._vehicle_and_signal(name)[1]
         return ["values"] if isinstance(signal, OwnSignal) else signal.name.removeprefix("lidar.").split(".")
 
 

@@ -39,7 +39,7 @@ class Detection:
     def begin(self, dialect: Dialect | None) -> None:
         """Start with a new connection. The format of scans that the last script could read is tried first."""
         self._dialect = dialect
-        self._found: Profile | None = None
+        self._detected: Profile | None = None
         self._has_commands = False
         self.note = ""
         if dialect is Dialect.RAW and self.settings.lidar is None:
@@ -53,7 +53,7 @@ class Detection:
     @property
     def profile(self) -> Profile | None:
         """The profile of the script; None before it is detected."""
-        detected = profile = self._found
+        detected = profile = self._detected
         if name := self.fixed:
             profile = PROFILES[name]
             if not self.settings.profile and detected is not None and detected.is_prefixed:
@@ -84,15 +84,15 @@ class Detection:
         detected = detect_profile(commands)
         if detected is None:
             return False
-        before = self._found, self._lidar, self._has_commands
-        if self._found is None or (self._found.name, detected.name) == ("2023", "2025"):
-            self._found = detected
+        before = self._detected, self._lidar, self._has_commands
+        if self._detected is None or (self._detected.name, detected.name) == ("2023", "2025"):
+            self._detected = detected
         if self.settings.lidar is None and (not self._has_commands or detected.lidar == "gzip"):
             self._lidar = detected.lidar
         self._has_commands = True
         is_chosen = self.fixed is not None or self.settings.steering is not None
-        self.note = NOTE if self._found is PROFILES["2023"] and is_ambiguous(commands) and not is_chosen else ""
-        return before != (self._found, self._lidar, True)
+        self.note = NOTE if self._detected is PROFILES["2023"] and is_ambiguous(commands) and not is_chosen else ""
+        return before != (self._detected, self._lidar, True)
 
     def __str__(self) -> str:
         """The choice in one line; empty before there is one."""

@@ -103,7 +103,7 @@ def tile_surfaces(
     tiles: list[_Tile] = []
     for key, (rings, _) in zip(keys, cells, strict=True):
         own = tuple(next(kinds) for _ in rings)
-        tiles.append(_known(_tiles, (key, own), lambda its=rings, own=own: _tile(its, own)))
+        tiles.append(_known(_tiles, (key, own), lambda rings=rings, own=own: _tile(rings, own)))
     road = next((layer.name for layer in layers if layer.name in ("road", "track")), "road")
     yield -1, (_level(_floor(vertical, horizontal, within, _integers(far)), "floor", Label.GROUND),)
     for number, tile in enumerate(tiles):

@@ -79,7 +79,7 @@ def find_sources(path: Path) -> Sources:
     """The files of a folder, or the one file. Raises `SpecError`."""
     if path.is_dir():
 
-        def one(*patterns: str) -> Path | None:
+        def only_file(*patterns: str) -> Path | None:
             files = [file for pattern in patterns for file in sorted(path.glob(pattern))]
             if len(files) > 1 and len({*files}) > 1:
                 name = path.resolve().name
@@ -91,8 +91,8 @@ def find_sources(path: Path) -> Sources:
                 return same[0]
             return files[0] if files else None
 
-        map_ = one("*_map.yaml") or one("*.yaml")
-        sources = Sources(path.resolve().name, map_, one("*_centerline.csv"), one("*_raceline.csv"))
+        map_ = only_file("*_map.yaml") or only_file("*.yaml")
+        sources = Sources(path.resolve().name, map_, only_file("*_centerline.csv"), only_file("*_raceline.csv"))
         if sources.map is None and sources.centre_line is None:
             raise SpecError(["the folder has neither NAME_map.yaml nor NAME_centerline.csv"], str(path))
         return sources
