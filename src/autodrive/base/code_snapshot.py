@@ -113,7 +113,7 @@ class Workplace:
                 os.environ["PYTHONPATH"] = variable
 
 
-class Snapshot:
+class CodeSnapshot:
     """A folder with copies of code, from which it runs; the originals may change meanwhile.
 
     Each copy has the path from this folder that the original has from the root of the file system. Everything else

@@ -149,7 +149,7 @@ def _module(file: Path) -> ModuleType:
         sys.path.append(str(file.parent))  # objects in a pickle are of modules with plain names
     importlib.invalidate_caches()
     _folder_of.cache_clear()
-    spec = importlib.util.spec_from_file_location(name, file, loader=_Loader(name, str(file)))
+    spec = importlib.util.spec_from_file_location(name, file, loader=_SourceLoader(name, str(file)))
     assert spec is not None
     assert spec.loader is not None
     before = {*sys.modules}
@@ -229,14 +229,14 @@ class _Finder:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find a module as the standard library does; modules of the user get a `_Loader`."""
+        """Find a module as the standard library does; modules of the user get a `_SourceLoader`."""
         spec = PathFinder.find_spec(name, path, target) if SPACE.match(name) else None
         if spec is not None and isinstance(spec.loader, SourceFileLoader):
-            spec.loader = _Loader(spec.loader.name, spec.loader.path)
+            spec.loader = _SourceLoader(spec.loader.name, spec.loader.path)
         return spec
 
 
-class _Loader(SourceFileLoader):
+class _SourceLoader(SourceFileLoader):
     """Compiles the text of a file that is there now; its imports are those of its folder."""
 
     def get_code(self, fullname: str) -> CodeType:

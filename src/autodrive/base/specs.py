@@ -81,7 +81,7 @@ Key: TypeAlias = tuple[str, ...]
 """A location in a text, such as ("placements", "3", "x"); in a table for several files, the first part is the file."""
 
 
-class Place(NamedTuple):
+class PlaceInFile(NamedTuple):
     """A value in the text of a problem; `joined` adds its line."""
 
     file: Literal["scenario", "map"]
@@ -90,7 +90,7 @@ class Place(NamedTuple):
     """How the text calls it; left out: by its location."""
 
 
-Problem: TypeAlias = tuple[Place | str, ...]
+Problem: TypeAlias = tuple[PlaceInFile | str, ...]
 """What is wrong when Specs are compiled: the parts of a message."""
 
 
@@ -111,7 +111,7 @@ class Described(Generic[T]):
 
     name: str
     """Name of the file, without folder and suffix."""
-    found: T | None
+    spec_or_none: T | None
     error: SpecError | None = None
     """Why there is no Spec."""
     path: str = ""
@@ -122,8 +122,8 @@ class Described(Generic[T]):
         """The Spec. Raises `SpecError` if there is none."""
         if self.error is not None:
             raise self.error
-        assert self.found is not None
-        return self.found
+        assert self.spec_or_none is not None
+        return self.spec_or_none
 
 
 _PYTHON_TYPE = re.compile(r"(bool|int|float|str|none|tuple\[.*|list\[.*|dict\[.*|\[key\])$")
@@ -176,7 +176,7 @@ def with_line(name: str, location: Sequence[str | int], lines: Mapping[Key, int]
 def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
     """The messages of problems, with the lines of their places."""
 
-    def text(part: Place | str) -> str:
+    def text(part: PlaceInFile | str) -> str:
         if isinstance(part, str):
             return part
         return with_line(part.name or place_text(*part.location), (part.file, *part.location), lines)

@@ -35,11 +35,11 @@ T = TypeVar("T", bound=Spec)
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _Loader(_SafeLoader):
+class _PlainLoader(_SafeLoader):
     """Loads plain YAML; a date and a time are texts. The numbers are checked by `_number`."""
 
 
-_Loader.yaml_implicit_resolvers = {
+_PlainLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
     for first, resolvers in _SafeLoader.yaml_implicit_resolvers.items()
 }
@@ -64,8 +64,8 @@ def _number(loader: Any, node: yaml.ScalarNode) -> int | float | str:
     raise ConstructorError(None, None, f"'{short(node.value)}' is not a number", node.start_mark)
 
 
-_Loader.add_constructor("tag:yaml.org,2002:int", _number)
-_Loader.add_constructor("tag:yaml.org,2002:float", _number)
+_PlainLoader.add_constructor("tag:yaml.org,2002:int", _number)
+_PlainLoader.add_constructor("tag:yaml.org,2002:float", _number)
 
 
 def names(kind: Kind) -> list[str]:
@@ -132,7 +132,7 @@ class Source:
             raise SpecError([f"a file must have at most {MAX_BYTES // 2**20} MiB"], path)
         try:
             _check_limits(text)
-            loader = _Loader(text)
+            loader = _PlainLoader(text)
             try:
                 self._node = loader.get_single_node()
                 _make_keys_texts(self._node)

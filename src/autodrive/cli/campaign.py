@@ -134,7 +134,7 @@ def _run(
             stack.enter_context(repeated(log, LOG_INTERVAL))
 
         class Display(runs.CampaignObserver):
-            def progress(self, progress: runs.Progress) -> None:
+            def progress(self, progress: runs.CampaignProgress) -> None:
                 speed = bar.tasks[0].speed
                 rate = f"{speed:.3g}/s" if speed else ""
                 if progress.failures or progress.errors:

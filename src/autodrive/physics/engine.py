@@ -26,7 +26,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import EngineError
 from autodrive.base.installation import mujoco_error, mujoco_fix
 from autodrive.base.jit import inlined, resolved
-from autodrive.physics.model import BOX, Model, Shapes
+from autodrive.physics.model import BOX, Model, ShapeTable
 from autodrive.physics.near import Slots, fill, forget, hold_near, slot_count
 from autodrive.physics.state import State
 
@@ -200,7 +200,7 @@ def has_diverged(views: Views) -> bool:
 class Engine:
     """Rigid bodies and contacts. Movable bodies are free bodies: 7 numbers in qpos and 6 in qvel each."""
 
-    def __init__(self, mjcf: str, fixed: Shapes) -> None:
+    def __init__(self, mjcf: str, fixed: ShapeTable) -> None:
         """`mjcf`: the floor and the movable bodies; `fixed`: all other shapes.
 
         Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place.
@@ -225,7 +225,7 @@ class Engine:
         other._start(self._fixed)
         return other
 
-    def _start(self, fixed: Shapes) -> None:
+    def _start(self, fixed: ShapeTable) -> None:
         self._fixed = fixed
         self.data = mujoco.MjData(self.model)
         self._slots = _empty_slots(self.model, self.data, len(fixed.kind))
@@ -321,7 +321,7 @@ class Engine:
         self.data.warning.number[_BAD] = 0
 
 
-def with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
+def with_slots(spec: mujoco.MjSpec, fixed: ShapeTable) -> mujoco.MjModel:
     """The model, with as many slots after the floor as its bodies need."""
     for _ in range(slot_count(fixed, _reach(spec.compile()))):
         slot = spec.worldbody.add_geom(spec.find_default("static"), type=BOX, size=[1.0, 1.0, 1.0])

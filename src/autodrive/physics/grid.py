@@ -6,7 +6,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined
-from autodrive.physics.model import BOX, CYLINDER, Grid, Shapes
+from autodrive.physics.model import BOX, CYLINDER, Grid, ShapeTable
 
 CELL_MIN = 1.0
 """Least side of a cell [m]; otherwise there are about as many cells as shapes."""
@@ -23,7 +23,7 @@ ROUNDING = 1e-6
 
 
 def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats) -> Grid:
-    """The grid of these shapes, which are all fixed; arguments as in `Shapes`, shape (n_fixed, ...)."""
+    """The grid of these shapes, which are all fixed; arguments as in `ShapeTable`, shape (n_fixed, ...)."""
     low, high = _rectangles(kind, size, position, rotation)
     origin = low.min(axis=0) if len(kind) else np.zeros(2)
     extent = high.max(axis=0) - origin if len(kind) else np.zeros(2)
@@ -53,7 +53,7 @@ def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats)
     )
 
 
-def most_within(fixed: Shapes, distance: float) -> int:
+def most_within(fixed: ShapeTable, distance: float) -> int:
     """An upper limit of the number of shapes, all fixed, that are within `distance` [m] of the same point."""
     if len(fixed.kind) == 0:
         return 0
@@ -73,7 +73,7 @@ def most_within(fixed: Shapes, distance: float) -> int:
 
 
 @inlined
-def shapes_near(shapes: Shapes, x: float, y: float, distance: float, nearby: Integers) -> int:
+def shapes_near(shapes: ShapeTable, x: float, y: float, distance: float, nearby: Integers) -> int:
     """Writes the numbers of all shapes that may be within `distance` [m] of a point, and returns how many they are.
 
     Seen from above; these are more than the shapes within a square of that half side, and all shapes that move. Each is

@@ -131,7 +131,7 @@ class Grid(NamedTuple):
     """First column of each fixed shape, shape (n_fixed,)."""
 
 
-class Shapes(NamedTuple):
+class ShapeTable(NamedTuple):
     """Constant parameters of the collision shapes; their poses are `State.shape_position` and `.shape_rotation`.
 
     The floor (z = 0) is not one of them. The fixed shapes come first.
@@ -170,7 +170,7 @@ class Model(NamedTuple):
     """Columns `VEHICLE`, shape (n,)."""
     wheels: Table
     """Columns `WHEEL`, shape (4 n,)."""
-    shapes: Shapes
+    shapes: ShapeTable
 
 
 def model_digest(model: Model) -> str:

@@ -17,7 +17,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.clearance import distance
 from autodrive.physics.grid import fixed_near, most_within
-from autodrive.physics.model import CYLINDER, Shapes
+from autodrive.physics.model import CYLINDER, ShapeTable
 
 SLACK = 0.1
 """A body can move so far [m] until the slots are filled again."""
@@ -42,7 +42,7 @@ class Slots(NamedTuple):
     nearby: Integers
     """Working memory of `fill`, shape (n_fixed,)."""
     kind: Numbers32
-    """Kind of each geom, as in `Shapes`, as are size and bounding radius; shape (n_geom,)."""
+    """Kind of each geom, as in `ShapeTable`, as are size and bounding radius; shape (n_geom,)."""
     size: Floats
     bounding_radius: Floats
     box: Floats
@@ -63,7 +63,7 @@ EVERYWHERE = 1.0e10
 """Half size [m] of a box without limits (mjMAXVAL)."""
 
 
-def slot_count(fixed: Shapes, reach: Floats) -> int:
+def slot_count(fixed: ShapeTable, reach: Floats) -> int:
     """How many slots bodies with that `reach` (see `Slots`) can need among these fixed shapes."""
     reaches, counts = np.unique(reach, return_counts=True)
     most = [
@@ -74,7 +74,7 @@ def slot_count(fixed: Shapes, reach: Floats) -> int:
 
 
 @inlined
-def hold_near(shapes: Shapes, qpos: Floats, slots: Slots) -> bool:
+def hold_near(shapes: ShapeTable, qpos: Floats, slots: Slots) -> bool:
     """Fills the slots if a body is so far from where it was that it may touch another shape; whether it was.
 
     `qpos`: as `State.qpos`.
@@ -99,7 +99,7 @@ def forget(slots: Slots) -> None:
 
 
 @jit_uncounted
-def fill(shapes: Shapes, qpos: Floats, slots: Slots) -> None:
+def fill(shapes: ShapeTable, qpos: Floats, slots: Slots) -> None:
     """Puts the fixed shapes near the bodies at `qpos` into the slots, and the used slots into the tree."""
     count = 0
     for b in range(slots.reach.shape[0]):
@@ -130,7 +130,7 @@ def _insert(s: int, numbers: Integers, count: int) -> int:
 
 
 @inlined
-def _set(geom: int, s: int, shapes: Shapes, slots: Slots) -> None:
+def _set(geom: int, s: int, shapes: ShapeTable, slots: Slots) -> None:
     """Lets a slot be shape s."""
     slots.solid[geom] = 1 + s
     slots.kind[geom] = shapes.kind[s]

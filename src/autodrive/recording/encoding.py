@@ -17,7 +17,7 @@ from autodrive.recording.about import about_here
 from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.outputs import Output, Stamp
 from autodrive.recording.records import EventRecord, ScenarioRecord, States
-from autodrive.recording.wire import Message as Layout
+from autodrive.recording.wire import WireMessage as Layout
 
 if TYPE_CHECKING:
     from autodrive.scenario.vehicles.spec import VehicleSpec

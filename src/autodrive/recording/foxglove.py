@@ -17,7 +17,7 @@ import msgspec
 
 from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, Draw, Drawing, LidarScan, Pose
 from autodrive.recording import wire
-from autodrive.recording.wire import Message, WireInteger
+from autodrive.recording.wire import WireInteger, WireMessage
 
 NANOSECONDS = 1_000_000_000
 
@@ -319,6 +319,6 @@ def _entity(name: str, drawing: Drawing, at: Timestamp) -> SceneEntity:
     return SceneEntity(at, "map", name, lifetime, **parts)
 
 
-SCENE_UPDATE = Message(SceneUpdate)
-LASER_SCAN, COMPRESSED_IMAGE = Message(LaserScan), Message(CompressedImage)
-CAMERA_CALIBRATION, FRAME_TRANSFORMS = Message(CameraCalibration), Message(FrameTransforms)
+SCENE_UPDATE = WireMessage(SceneUpdate)
+LASER_SCAN, COMPRESSED_IMAGE = WireMessage(LaserScan), WireMessage(CompressedImage)
+CAMERA_CALIBRATION, FRAME_TRANSFORMS = WireMessage(CameraCalibration), WireMessage(FrameTransforms)

@@ -84,7 +84,7 @@ _HEAD = np.dtype(
 """A message in a chunk, before its data."""
 
 
-class Message(NamedTuple):
+class McapMessage(NamedTuple):
     """A message of a chunk; times in nanoseconds."""
 
     channel: int
@@ -105,7 +105,7 @@ class Schema:
 
 
 @dataclass(frozen=True)
-class Channel:
+class McapChannel:
     """Messages of one kind."""
 
     id: int
@@ -158,7 +158,7 @@ class Chunk:
     packed: int = 0
     """Bytes of data that were compressed before, such as JPEG."""
 
-    def add(self, message: Message, *, is_packed: bool = False) -> None:
+    def add(self, message: McapMessage, *, is_packed: bool = False) -> None:
         """Add a message. `is_packed`: its data are compressed already."""
         if not self.data:
             self.start = self.end = message.log_time
@@ -203,7 +203,7 @@ class Writer:
         )
         self._write(self._schemas[-1])
 
-    def channel(self, channel: Channel) -> None:
+    def channel(self, channel: McapChannel) -> None:
         """Add a channel, before its messages."""
         self._channels.append(
             _record(
@@ -340,8 +340,8 @@ class Reader:
         self.problems: list[str] = []
         self.work = 0
         """Bytes of chunks that were unpacked so far, with `CHUNK_WORK` for each chunk."""
-        self._cache: OrderedDict[int, Messages] = OrderedDict()
-        self._data = _File(path)
+        self._cache: OrderedDict[int, ChunkMessages] = OrderedDict()
+        self._data = _McapFile(path)
         try:
             if self._data[0 : len(MAGIC)] != MAGIC:
                 raise RecordingError(f"this is not an MCAP file  ({path})")
@@ -380,7 +380,7 @@ class Reader:
     def _begin(self) -> None:
         self.library = ""
         self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
+        self.channels: dict[int, McapChannel] = {}
         self.chunks: list[ChunkIndex] = []
         self.attachments: list[AttachmentIndex] = []
         self.metadata: dict[str, dict[str, str]] = {}
@@ -454,7 +454,7 @@ class Reader:
             self.schemas.setdefault(id_, Schema(id_, cursor.text(), cursor.text(), cursor.block()))
         elif kind == CHANNEL:
             id_, schema = cursor.number("<H"), cursor.number("<H")
-            channel = Channel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
+            channel = McapChannel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
             self.channels.setdefault(id_, channel)
         elif kind == CHUNK:
             self._count("chunks")
@@ -523,7 +523,7 @@ class Reader:
             raise RecordingError(f"the attachment '{name}' is damaged  ({self.path})") from None
         return data
 
-    def messages(self, chunk: int) -> Messages:
+    def messages(self, chunk: int) -> ChunkMessages:
         """The messages of a chunk, in order. Raises `RecordingError` if it is damaged."""
         if chunk in self._cache:
             self._cache.move_to_end(chunk)
@@ -532,7 +532,7 @@ class Reader:
         self.work += CHUNK_WORK
         try:
             content = self._content(index)
-            messages = self._indexed(index, content) or Messages(content, _places(content))
+            messages = self._indexed(index, content) or ChunkMessages(content, _places(content))
         except (_CutOffError, UnicodeDecodeError) as error:
             raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
         self._cache[chunk] = messages
@@ -543,7 +543,7 @@ class Reader:
             self._cache.popitem(last=False)
         return messages
 
-    def _indexed(self, index: ChunkIndex, content: bytes) -> Messages | None:
+    def _indexed(self, index: ChunkIndex, content: bytes) -> ChunkMessages | None:
         """The messages of a chunk by the indexes of its channels; None if these do not name all that is in it."""
         places = [np.empty(0, np.int64)]
         count = 0
@@ -561,7 +561,7 @@ class Reader:
         starts = np.sort(np.concatenate(places))
         if len(starts) == 0 or starts[0] != 0 or starts[-1] > len(content) - _HEAD.itemsize:
             return None
-        messages = Messages(content, starts)
+        messages = ChunkMessages(content, starts)
         return messages if messages.are_whole else None
 
     def chunk_at(self, time: int) -> int:
@@ -600,7 +600,7 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     return data
 
 
-class Messages(Sequence[Message]):
+class ChunkMessages(Sequence[McapMessage]):
     """The messages of a chunk, in order. Each is taken apart when it is read."""
 
     def __init__(self, content: bytes, places: NDArray[np.int64]) -> None:
@@ -631,21 +631,21 @@ class Messages(Sequence[Message]):
         return len(self._places)
 
     @overload
-    def __getitem__(self, i: int) -> Message: ...
+    def __getitem__(self, i: int) -> McapMessage: ...
     @overload
-    def __getitem__(self, i: slice) -> list[Message]: ...
-    def __getitem__(self, i: int | slice) -> Message | list[Message]:
+    def __getitem__(self, i: slice) -> list[McapMessage]: ...
+    def __getitem__(self, i: int | slice) -> McapMessage | list[McapMessage]:
         if isinstance(i, slice):
             return [self[number] for number in range(*i.indices(len(self)))]
         _, _, channel, sequence, log_time, publish_time = self._heads[i].item()
         data = self._content[int(self._places[i]) + _HEAD.itemsize : int(self._ends[i])]
-        return Message(channel, sequence, log_time, publish_time, data)
+        return McapMessage(channel, sequence, log_time, publish_time, data)
 
-    def __iter__(self) -> Iterator[Message]:
+    def __iter__(self) -> Iterator[McapMessage]:
         places = zip(self._places.tolist(), self._ends.tolist(), strict=True)
         for (_, _, *head), (start, end) in zip(self._heads.tolist(), places, strict=True):
             channel, sequence, log_time, publish_time = head
-            yield Message(channel, sequence, log_time, publish_time, self._content[start + _HEAD.itemsize : end])
+            yield McapMessage(channel, sequence, log_time, publish_time, self._content[start + _HEAD.itemsize : end])
 
     def on(self, channel: int) -> NDArray[np.intp]:
         """Places in this sequence of the messages of a channel."""
@@ -658,7 +658,7 @@ class Messages(Sequence[Message]):
 
 
 NO_PLACES = np.empty(0, _CHANNEL_PLACE)
-NO_MESSAGES = Messages(b"", np.empty(0, np.int64))
+NO_MESSAGES = ChunkMessages(b"", np.empty(0, np.int64))
 """The messages of a damaged chunk: none."""
 
 
@@ -685,7 +685,7 @@ class _CutOffError(Exception):
     """A record is shorter than its content."""
 
 
-class _File:
+class _McapFile:
     """The bytes of a file. If another program cuts it off meanwhile, what is missing is not there.
 
     A memory map would end the process then.
@@ -735,7 +735,7 @@ class _File:
 class _Cursor:
     """Reads values one after the other between two places."""
 
-    def __init__(self, data: bytes | _File, at: int, end: int) -> None:
+    def __init__(self, data: bytes | _McapFile, at: int, end: int) -> None:
         self._data = data
         self.at = at
         self.end = min(end, len(data))

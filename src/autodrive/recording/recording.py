@@ -27,7 +27,7 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
 from autodrive.recording.signals import Signals
-from autodrive.recording.wire import Message, pool_of
+from autodrive.recording.wire import WireMessage, pool_of
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.files import write_to
 
@@ -80,9 +80,9 @@ class Recording:
             schema.name: pool_of(schema.data) for schema in self._file.schemas.values() if schema.encoding == "protobuf"
         }
         self._states = States(schemas)
-        self.scan_message = Message(LaserScan, schemas=schemas)
-        self._image = Message(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
-        self.own_message = Message(OwnReading, schemas=schemas)
+        self.scan_message = WireMessage(LaserScan, schemas=schemas)
+        self._image = WireMessage(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
+        self.own_message = WireMessage(OwnReading, schemas=schemas)
         self._frame_channel = self._ids.get(records.FRAME, -1)
         self._scenarios: dict[int, ScenarioRecord] = {}
 
@@ -337,7 +337,7 @@ class Recording:
         }
         return {name: reading for name, reading in readings.items() if reading.time == times[name]}
 
-    def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
+    def _last(self, topic: str, chunk: int, i: int) -> mcap.McapMessage | None:
         """The last message of a topic before message i of a chunk."""
         channel = self._ids.get(topic, -1)
         messages = self._messages(chunk)
@@ -425,14 +425,14 @@ class Recording:
     def _records(self, topic: str) -> Iterator[tuple[float, Any]]:
         return self._decoded(topic, self._of_topic(topic))
 
-    def _decoded(self, topic: str, messages: Iterable[tuple[float, mcap.Message]]) -> Iterator[tuple[float, Any]]:
+    def _decoded(self, topic: str, messages: Iterable[tuple[float, mcap.McapMessage]]) -> Iterator[tuple[float, Any]]:
         for time, message in messages:
             try:
                 yield time, records.decode_json(topic, message.data)
             except RecordingError as error:
                 self._file.report(str(error))
 
-    def _all_of(self, topic: str) -> Iterator[tuple[int, mcap.Messages, int]]:
+    def _all_of(self, topic: str) -> Iterator[tuple[int, mcap.ChunkMessages, int]]:
         """Chunk, its messages and the place of each message of a topic, without those beyond the limits of a recording.
 
         They are read when a recording is opened, so that the work must be bounded.
@@ -447,7 +447,7 @@ class Recording:
                     return
                 yield chunk, messages, i
 
-    def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.Message]]:
+    def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.McapMessage]]:
         for _, messages, places in self._search(self._ids.get(topic, -1), self._chunks()):
             for i in places.tolist():
                 message = messages[i]
@@ -476,14 +476,14 @@ class Recording:
         """The data of all messages of a topic, in order."""
         return [message.data for _, message in self._of_topic(topic)]
 
-    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.McapMessage]]]:
         """Messages by topic, for each chunk of the file that has any from a time to another [s]."""
         first, last = _nanoseconds(start), _nanoseconds(end)
         names = {self._ids[topic]: topic for topic in topics if topic in self._ids}
         for chunk in self._chunks(first, last):
             if not any(self._may_have(channel, chunk) for channel in names):
                 continue
-            block: dict[str, list[mcap.Message]] = {}
+            block: dict[str, list[mcap.McapMessage]] = {}
             messages = self._messages(chunk)
             for channel, topic in names.items():
                 if len(places := messages.on(channel)):
@@ -515,7 +515,7 @@ class Recording:
 
     def _search(
         self, channel: int, chunks: Iterable[int], until: int | None = None
-    ) -> Iterator[tuple[int, mcap.Messages, NDArray[np.intp]]]:
+    ) -> Iterator[tuple[int, mcap.ChunkMessages, NDArray[np.intp]]]:
         """Each of these chunks that has messages of a channel, up to a time [ns]: all its messages, and their places.
 
         Raises `RecordingError` if too many chunks are read for nothing.
@@ -537,7 +537,7 @@ class Recording:
                 if in_vain > MAX_IN_VAIN:
                     raise RecordingError(f"the index names channels that the chunks do not have  ({self.path})")
 
-    def _messages(self, chunk: int) -> mcap.Messages:
+    def _messages(self, chunk: int) -> mcap.ChunkMessages:
         """The messages of a chunk; none, and a problem, if it is damaged."""
         try:
             return self._file.messages(chunk)

@@ -47,7 +47,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Result:
+class Resimulation:
     """Result of `resimulate`."""
 
     frames: int
@@ -66,7 +66,7 @@ OwnSensors: TypeAlias = Mapping[str, Mapping[str, Callable[[], OwnSensor]]]
 """The class of each sensor of the user, by vehicle and name: `{"V1": {"radar": Radar}}`."""
 
 
-def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> Result:
+def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> Resimulation:
     """Run the scenario again with the recorded commands and requests, and compare every Frame.
 
     `own_sensors`: the sensors of the user, whose code a recording does not contain. Raises `RecordingError` if one of
@@ -85,7 +85,7 @@ def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> R
         raise RecordingError(
             f"identical up to {now:g} s ({count} Frames), but the recording is not whole: {problems[0]}"
         )
-    return Result(count, difference, _other_versions(recording))
+    return Resimulation(count, difference, _other_versions(recording))
 
 
 def simulated_again(

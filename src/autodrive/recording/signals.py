@@ -15,7 +15,7 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
 
 
-class Messages(Protocol):
+class MessageSource(Protocol):
     """The part of a Recording that is used here."""
 
     @property
@@ -24,12 +24,12 @@ class Messages(Protocol):
         ...
 
     @property
-    def scan_message(self) -> wire.Message:
+    def scan_message(self) -> wire.WireMessage:
         """The message of a scan."""
         ...
 
     @property
-    def own_message(self) -> wire.Message:
+    def own_message(self) -> wire.WireMessage:
         """The message of a reading of a sensor of the user."""
         ...
 
@@ -45,7 +45,7 @@ class Messages(Protocol):
         """Times of the messages of a topic [s]."""
         ...
 
-    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.McapMessage]]]:
         """Messages by topic, for each part of the file from a time to another [s]."""
         ...
 
@@ -57,7 +57,7 @@ class Signals(Mapping[str, NDArray[Any]]):
     ('V1/own/radar') its samples. A missing reading is NaN.
     """
 
-    def __init__(self, recording: Messages, states: records.States) -> None:
+    def __init__(self, recording: MessageSource, states: records.States) -> None:
         self._recording = recording
         self._states = states
         self._cache: dict[str, NDArray[Any]] = {}
@@ -143,7 +143,7 @@ class Signals(Mapping[str, NDArray[Any]]):
             self._data[topic] = self._recording.messages_of(topic)
         return self._data[topic]
 
-    def _message(self, name: str) -> wire.Message:
+    def _message(self, name: str) -> wire.WireMessage:
         """The message that contains a signal."""
         signal = self._vehicle_and_signal(name)[1]
         if isinstance(signal, OwnSignal):

@@ -63,7 +63,7 @@ class Field:
     is_repeated: bool = False
     is_map: bool = False
     is_optional: bool = False
-    message: Message | None = None
+    message: WireMessage | None = None
     enum: type[enum.IntEnum] | None = None
 
     @property
@@ -72,7 +72,7 @@ class Field:
         return not self.is_repeated and (self.is_optional or self.message is not None)
 
 
-class Message:
+class WireMessage:
     """The Protocol Buffers message of a struct. Field numbers are the order of the fields, from 1.
 
     `name`: that of the schema. `replaced`: other types of fields, by name. `schemas`: those of a file that is read; a
@@ -228,7 +228,7 @@ def _types(descriptor: Any) -> dict[str, tuple[int, bool]]:
     return {field.name: (field.type, field.label == field.LABEL_REPEATED) for field in described.field}
 
 
-def descriptor(message: Message) -> bytes:
+def descriptor(message: WireMessage) -> bytes:
     """The schema of a message: a serialized `google.protobuf.FileDescriptorSet` with all messages that it contains."""
     files: dict[str, Any] = {}
     _describe(message, files, set())
@@ -239,7 +239,7 @@ def descriptor(message: Message) -> bytes:
     return descriptor_pb2.FileDescriptorSet(file=ordered).SerializeToString()
 
 
-def _describe(message: Message, files: dict[str, Any], seen: set[str]) -> None:
+def _describe(message: WireMessage, files: dict[str, Any], seen: set[str]) -> None:
     """Add a message, and those that it contains, to the file of its package."""
     package, _, name = message.name.rpartition(".")
     if message.name in seen:
@@ -319,7 +319,7 @@ def _field(name: str, number: int, hint: Any, default: Any) -> Field:
         kind = hint
         return field("TYPE_ENUM", set_, lambda message: kind(get(message)), enum=kind)
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
-        inner = Message(hint)
+        inner = WireMessage(hint)
 
         def write_struct(message: Any, value: Any) -> None:
             part = getattr(message, name)
@@ -353,7 +353,7 @@ def _array(field: Callable[..., Field], name: str, dtype: np.dtype[Any]) -> Fiel
 def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is dict:
-        entry = Message.__new__(Message)
+        entry = WireMessage.__new__(WireMessage)
         entry.fields = [_field("key", 1, str, ""), _field("value", 2, arguments[1], None)]
         value = entry.fields[1]
 
@@ -376,7 +376,7 @@ def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
             is_repeated=True,
         )
     if isinstance(kind_of_value, type) and issubclass(kind_of_value, msgspec.Struct):
-        inner = Message(kind_of_value)
+        inner = WireMessage(kind_of_value)
 
         def write_all(message: Any, values: Sequence[Any]) -> None:
             for value in values:

@@ -22,7 +22,7 @@ from autodrive.experiments.envs.settings import Settings
 from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
 from autodrive.experiments.envs.task import CarReadings, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.experiments.policies.racer import PolicyRacers
 from autodrive.protocol.messages import Command
 
@@ -78,7 +78,7 @@ def learnt_team(policy: Policy) -> Team:
     names = [feature.name for feature in observed(task, "state")]
 
     def start(count: int) -> Act:
-        drivers = Drivers(policy, names, count)
+        drivers = PolicyDrivers(policy, names, count)
         return lambda observations, _: drivers.act(observations)
 
     return Team(task, start)

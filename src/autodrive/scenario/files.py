@@ -56,7 +56,7 @@ def described(
     lines |= {("scenario", *key): line for key, line in source.lines.items()} if source else {}
     types = dict.fromkeys(placement.type for placement in scenario.vehicles.values())
     types |= {scenario.traffic.type: None} if scenario.traffic.cars else {}
-    race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
+    race = scenario.race or (RaceSpec() if isinstance(map_.spec_or_none, TrackSpec) else None)
     specs = Specs(
         scenario,
         map_,
@@ -105,9 +105,9 @@ def read_map(
     lines: dict[Key, int] = {("map", *key): line for key, line in source.lines.items()}
     if is_track(source.tree):
         track = _described(source, TrackSpec, f"track '{path.stem}': ")
-        return DescribedMap(track.name, track.found, track.error, track.path, track.text), lines
+        return DescribedMap(track.name, track.spec_or_none, track.error, track.path, track.text), lines
     map_ = _described(source, MapSpec, f"map '{path.stem}': ")
-    placements = map_.found.placements if map_.found else _placements(source.tree)
+    placements = map_.spec_or_none.placements if map_.spec_or_none else _placements(source.tree)
     return _with_modules(map_, placements), lines
 
 
@@ -275,7 +275,7 @@ def _with_modules(
         for name in dict.fromkeys(placement.module for _, placement in numbered)
     }
     return DescribedMap(
-        described.name, described.found, described.error, described.path, described.text, numbered, modules
+        described.name, described.spec_or_none, described.error, described.path, described.text, numbered, modules
     )
 
 

@@ -130,7 +130,7 @@ def test_a_map_of_the_folder_has_own_modules_of_the_folder(
     (folder / "parts" / "road.yaml").write_text(text.replace("title: ", "title: My "))
     (folder / "own.yaml").write_text(OWN.replace("MODULE", "parts/road.yaml"))
     ask(sim, OpenFile("own.yaml"))
-    found = simulation.world.specs.map.modules["parts/road.yaml"].found
+    found = simulation.world.specs.map.modules["parts/road.yaml"].spec_or_none
     assert found is not None
     assert found.title.startswith("My ")
     sim.edit_map({"next": MapModule("parts/road.yaml", 0.0, 3.0, open=True)})

@@ -18,9 +18,9 @@ from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import (
     CLOSE_PACKETS,
     Acknowledgement,
-    Connection,
     ConnectionEnd,
     Dialect,
+    EngineIoConnection,
     Event,
     PacketError,
     event_packet,
@@ -90,7 +90,7 @@ class Session:
         self.awaits_frame = False
         """Whether a new Frame must set `wake`."""
         self.wake = asyncio.Event()
-        self.engineio = Connection(self._clock(), detection.settings.handshake)
+        self.engineio = EngineIoConnection(self._clock(), detection.settings.handshake)
         self._socket = socket
         self._simulation = simulation
         self._metrics = metrics

@@ -18,7 +18,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.target import Target, default_target
-from autodrive.connect.client.view import View
+from autodrive.connect.client.view import ClientView
 from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.drawing import DrawCalls
 from autodrive.protocol.messages import (
@@ -219,7 +219,7 @@ class Client:
         if wanted != self.connection.subscription:
             self.connection.subscribe(wanted)
 
-    def wait_news(self, timeout: float | None = None) -> View:
+    def wait_news(self, timeout: float | None = None) -> ClientView:
         """Wait for a Frame, scan or picture that is newer than the last such call; returns all that was received."""
         view = self.connection.view
         self.connection.until(

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.connect.client.client_socket import ClientSocket, NoSimulatorError, NotListeningError
 from autodrive.connect.client.target import Target, described
-from autodrive.connect.client.view import View
+from autodrive.connect.client.view import ClientView
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
     AddBox,
@@ -75,7 +75,7 @@ class Connection:
         self.subscription = subscription
         self.timeout = timeout
         self.patience = patience
-        self.view = View()
+        self.view = ClientView()
         self.is_stepping = False
         """Whether this client paused the simulation."""
         self.text = ""
@@ -199,7 +199,7 @@ class Connection:
         target = self._target()
         self.address = target.address
         socket = ClientSocket(self.address, self.timeout)
-        self.view = View()
+        self.view = ClientView()
         self.is_stepping = False
         try:
             socket.send(encode(Hello(PROTOCOL, self.name)), encode(self.subscription))

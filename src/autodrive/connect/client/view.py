@@ -9,7 +9,7 @@ from autodrive.protocol.messages import Event, Frame, Images, LidarScan
 from autodrive.protocol.native import Error, Picture, Scan, Scene, ServerMessage, Status, Welcome
 
 
-class View:
+class ClientView:
     """Processes the messages of the server in order. `frame` is the latest Frame, with its scans and unread events."""
 
     def __init__(self) -> None:

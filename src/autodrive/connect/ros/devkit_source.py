@@ -77,7 +77,7 @@ class DevkitSource:
         self._wait_for_answers = wait_for_answers
         self._clock = clock
         self._sleep = sleep
-        self._vehicles: dict[str, _Vehicle] = {}
+        self._vehicles: dict[str, _DevkitVehicle] = {}
         self._tick = 0
         self._due = 0.0
         self.resets: set[str] = set()
@@ -123,7 +123,9 @@ class DevkitSource:
         prefixes = self._prefixes(data)
         if prefixes and prefixes.keys() != self._vehicles.keys():
             infos = {name: VehicleInfo.of(self._config.car, number) for number, name in enumerate(prefixes, start=1)}
-            self._vehicles = {name: _Vehicle(prefix, self._config, infos[name]) for name, prefix in prefixes.items()}
+            self._vehicles = {
+                name: _DevkitVehicle(prefix, self._config, infos[name]) for name, prefix in prefixes.items()
+            }
             listener.on_vehicles(infos)
         now = self._now()
         self._tick += 1
@@ -175,7 +177,7 @@ class DevkitSource:
 _POSITION = re.compile(r"V(\d{1,4}) Position")
 
 
-class _Vehicle:
+class _DevkitVehicle:
     """Converts the messages of one vehicle. Keeps the last texts, so that unchanged scans and images are skipped."""
 
     def __init__(self, prefix: str, config: Config, info: VehicleInfo) -> None:

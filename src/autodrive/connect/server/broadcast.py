@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from autodrive.connect.server.encoded_frames import EncodedFrames
-from autodrive.connect.server.files import File, immutable_files
+from autodrive.connect.server.files import ServedFile, immutable_files
 from autodrive.connect.server.frame_queue import MAX_EVENTS, Completion, FrameQueue, FrameUpdate
 from autodrive.connect.server.remote_view import RemoteViews
 
@@ -33,7 +33,7 @@ class Broadcast:
 
     def __init__(self, served: Served, clients: set[ConnectedClient], on_change: Callable[[], None]) -> None:
         self.encoded = EncodedFrames(served.jpeg_encoder)
-        self.files: dict[str, File] = {}
+        self.files: dict[str, ServedFile] = {}
         """The scene files, by path."""
         self.queue = FrameQueue(served.simulation, self._take_items)
         self.remote_views = RemoteViews(served.renderer_factory, self.watch_contacts)
@@ -43,7 +43,7 @@ class Broadcast:
         self._clients = clients
         self._scene_files = served.scene_files
         self._on_change = on_change
-        self._scene_files_now: dict[str, File] = {}
+        self._scene_files_now: dict[str, ServedFile] = {}
         self._held: list[FrameUpdate | Completion] = []
         self._world: World | None = None
         self._prepared: tuple[World, SceneFiles] | None = None

@@ -19,7 +19,7 @@ from autodrive.connect.server.connected_client import ConnectedClient
 from autodrive.connect.server.connections import ABORT, IS_CLIENT
 from autodrive.connect.server.driver_lease import DriverLeases
 from autodrive.connect.server.driving import Driving
-from autodrive.connect.server.files import File
+from autodrive.connect.server.files import ServedFile
 from autodrive.connect.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
 from autodrive.connect.server.rate_limit import BYTES, RATE, RateLimit
 from autodrive.connect.server.requests import Requests
@@ -89,7 +89,7 @@ class Hub:
         await self.broadcast.close()
 
     @property
-    def files(self) -> dict[str, File]:
+    def files(self) -> dict[str, ServedFile]:
         """The scene files, by path."""
         return self.broadcast.files
 

@@ -58,7 +58,7 @@ REPLACED = (
 
 
 @dataclass
-class Entry:
+class QueuedOperation:
     """An operation, and the ids of the requests that it answers."""
 
     operation: ServerOperation
@@ -109,7 +109,7 @@ class RequestQueue:
     limits: Limits = field(default_factory=lambda: Limits(0.0))
     is_busy: bool = False
     """Whether a request is being executed."""
-    _entries: deque[Entry] = field(default_factory=deque)
+    _entries: deque[QueuedOperation] = field(default_factory=deque)
 
     def add(self, request: Request, size: int = 0) -> bool:
         """Add a request, whose message has that size [bytes]. Returns False if too many are waiting."""
@@ -118,9 +118,9 @@ class RequestQueue:
             return False
         last = self._entries[-1] if self._entries else None
         if last and isinstance(request.operation, REPLACED) and type(last.operation) is type(request.operation):
-            self._entries[-1] = Entry(request.operation, [*last.ids, request.id], size)
+            self._entries[-1] = QueuedOperation(request.operation, [*last.ids, request.id], size)
         else:
-            self._entries.append(Entry(request.operation, [request.id], size))
+            self._entries.append(QueuedOperation(request.operation, [request.id], size))
         return True
 
     @property
@@ -129,11 +129,11 @@ class RequestQueue:
         return not self._entries and not self.is_busy
 
     @property
-    def next(self) -> Entry | None:
+    def next(self) -> QueuedOperation | None:
         """The request that is executed next; None if none waits, or while one is being executed."""
         return self._entries[0] if self._entries and not self.is_busy else None
 
-    def take(self, now: float) -> Entry:
+    def take(self, now: float) -> QueuedOperation:
         """Remove and return the next request, to execute it now."""
         self.is_busy = True
         entry = self._entries.popleft()

@@ -15,7 +15,14 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, Entry, Limits, RequestQueue
+from autodrive.connect.server.request_queue import (
+    BURST,
+    MAX_PENDING,
+    MAX_PENDING_BYTES,
+    Limits,
+    QueuedOperation,
+    RequestQueue,
+)
 from autodrive.protocol.messages import (
     AddBox,
     Frame,
@@ -114,7 +121,7 @@ class Turn(NamedTuple):
 
     client: ConnectedClient
     queue: RequestQueue
-    entry: Entry
+    entry: QueuedOperation
     older: tuple[Turn, ...] = ()
     """Requests of other clients that it replaces; its answer is also theirs."""
 

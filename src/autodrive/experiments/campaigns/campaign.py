@@ -24,7 +24,7 @@ from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.expression import Expression
 from autodrive.experiments.campaigns.metrics import METRICS
-from autodrive.experiments.campaigns.sampling import Design, Range, Sampling, Value
+from autodrive.experiments.campaigns.sampling import Design, ParameterRange, Sampling, Value
 from autodrive.experiments.policies.policy import DATA as POLICIES
 from autodrive.experiments.policies.policy import Policy
 from autodrive.protocol.messages import Event
@@ -61,7 +61,7 @@ class CampaignSpec(Spec):
     """'my_driver.py:Driver', 'policy.npz', or the command line of a devkit script with '{port}' for its port."""
     vehicle: str = ""
     """Vehicle that metrics and events are about; left out: the first one."""
-    parameters: dict[str, Range] = Field(default_factory=dict)
+    parameters: dict[str, ParameterRange] = Field(default_factory=dict)
     """Values by path, such as 'vehicles.V1.grip_factor', 'driver.lookahead' or 'latency'."""
     samples: Sampling = Sampling()
     seeds: int | tuple[int, ...] = 1
@@ -178,15 +178,15 @@ class Campaign:
         """Number of runs."""
         return len(self.design) * len(self.spec.seed_list)
 
-    def run(self, number: int) -> Run:
+    def run(self, number: int) -> CampaignRun:
         """The run of that number, from 0."""
         seeds = self.spec.seed_list
         sample, k = divmod(number, len(seeds))
-        return Run(number, sample, seeds[k], self.design[sample])
+        return CampaignRun(number, sample, seeds[k], self.design[sample])
 
 
 @dataclass(frozen=True)
-class Run:
+class CampaignRun:
     """One run of a campaign."""
 
     number: int

@@ -15,9 +15,9 @@ from pathlib import Path
 from autodrive.base.cache import PACKAGE, cache_folder
 from autodrive.base.version import __version__
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Run
+from autodrive.experiments.campaigns.campaign import CampaignRun
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.runner import RunResult
 from autodrive.scenario.files import files_of
 
 log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ class RunKeys:
         )
         self._files: dict[str, str] = {}
 
-    def of(self, run: Run) -> str:
+    def of(self, run: CampaignRun) -> str:
         """The key of a run."""
         named = {path: value for path, value in run.values.items() if path in ("map", "race") or path.endswith(".type")}
         names = json.dumps(named)
@@ -75,16 +75,16 @@ class RowCache:
         except (OSError, sqlite3.Error) as error:
             self._give_up(error)
 
-    def get(self, key: str, number: int) -> Result | None:
+    def get(self, key: str, number: int) -> RunResult | None:
         """The result of the run with that key; None if it is not known."""
         try:
             stored = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
-            return None if stored is None else Result(number, **json.loads(stored[0]))
+            return None if stored is None else RunResult(number, **json.loads(stored[0]))
         except (sqlite3.Error, ValueError, TypeError) as error:
             self._give_up(error)
             return None
 
-    def add(self, rows: Iterable[tuple[str, Result]]) -> None:
+    def add(self, rows: Iterable[tuple[str, RunResult]]) -> None:
         """Keep results; those with an error are not kept."""
         texts = [
             (key, json.dumps({name: getattr(result, name) for name in KEPT}))

@@ -14,7 +14,7 @@ import shapely
 from shapely.affinity import affine_transform
 
 from autodrive.base.transforms import yaw_from_quaternion
-from autodrive.experiments.campaigns.scene import Scene
+from autodrive.experiments.campaigns.scene import RunScene
 from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad
 
 T = TypeVar("T", bound=Collision | OffRoad | LapCompleted)
@@ -29,7 +29,7 @@ class Metric:
     every_tick: bool = True
     """False: `observe` receives a Frame each `PERIOD` only."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RunScene) -> None:
         self.scene = scene
         self.amount = 0.0
 
@@ -46,7 +46,7 @@ class Metric:
 class Kind:
     """Metrics of one number of each Frame: calling it makes one for a run."""
 
-    sample: Callable[[Scene, Frame, Frame | None], float]
+    sample: Callable[[RunScene, Frame, Frame | None], float]
     """A number of a Frame and of the one before, which the first Frame does not have; nan: there is none."""
     take: Callable[[float, float], float] = operator.add
     """The amount with one more sample."""
@@ -56,15 +56,15 @@ class Kind:
     """The number, from the amount and the count of samples."""
     every_tick: bool = True
 
-    def __call__(self, scene: Scene) -> Metric:
+    def __call__(self, scene: RunScene) -> Metric:
         """The metric of a run."""
-        return _Sampled(scene, self)
+        return _SampledMetric(scene, self)
 
 
-class _Sampled(Metric):
+class _SampledMetric(Metric):
     """A metric of a `Kind`, which samples Frames and combines the numbers."""
 
-    def __init__(self, scene: Scene, kind: Kind) -> None:
+    def __init__(self, scene: RunScene, kind: Kind) -> None:
         super().__init__(scene)
         self._kind, self.every_tick, self.amount = kind, kind.every_tick, kind.start
         self._count = 0
@@ -86,7 +86,7 @@ class MinClearance(Metric):
 
     every_tick = False
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RunScene) -> None:
         super().__init__(scene)
         self.amount = math.inf
         self._outlines = {name: _outline(spec) for name, spec in scene.vehicles.items()}
@@ -116,7 +116,7 @@ class MinClearance(Metric):
 class FunctionMetric(Metric):
     """A function of the user: it receives the list of all Frames and returns a number."""
 
-    def __init__(self, scene: Scene, function: Callable[[list[Frame]], Any]) -> None:
+    def __init__(self, scene: RunScene, function: Callable[[list[Frame]], Any]) -> None:
         super().__init__(scene)
         self._function = function
         self._frames: list[Frame] = []
@@ -129,7 +129,7 @@ class FunctionMetric(Metric):
         return math.nan if value is None else float(value)
 
 
-def _events(scene: Scene, frame: Frame, kind: type[T]) -> list[T]:
+def _events(scene: RunScene, frame: Frame, kind: type[T]) -> list[T]:
     """Events of that kind of the vehicle."""
     return [event for event in frame.events if isinstance(event, kind) and event.vehicle == scene.vehicle]
 
@@ -138,22 +138,22 @@ def _count(kind: type[Collision | OffRoad | LapCompleted]) -> Kind:
     return Kind(lambda scene, frame, before: float(len(_events(scene, frame, kind))))
 
 
-def _lap_time(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _lap_time(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     return min((lap.lap_time for lap in _events(scene, frame, LapCompleted)), default=math.nan)
 
 
-def _speed(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _speed(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Along the vehicle [m/s]."""
     return frame.vehicles[scene.vehicle].speed
 
 
-def _way(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _way(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Way of the rear axle centre in a tick [m]."""
     speed = math.hypot(*frame.vehicles[scene.vehicle].velocity[:2].tolist())
     return math.nan if before is None else speed * scene.scenario.tick
 
 
-def _work(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _work(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Increase of the kinetic energy [J]."""
     if before is None:
         return math.nan
@@ -164,7 +164,7 @@ def _work(scene: Scene, frame: Frame, before: Frame | None) -> float:
     return max(0.0, now - then)
 
 
-def _square_steering_rate(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _square_steering_rate(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """[rad^2/s^2]."""
     if before is None:
         return math.nan
@@ -172,7 +172,7 @@ def _square_steering_rate(scene: Scene, frame: Frame, before: Frame | None) -> f
     return ((angle - last) / scene.scenario.tick) ** 2
 
 
-def _lateral_error(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _lateral_error(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Distance from the nearest lane that leads in the direction of the vehicle [m]; nan without one."""
     pose = frame.vehicles[scene.vehicle].pose
     x, y = pose.position[:2].tolist()
@@ -193,7 +193,7 @@ def _root_mean(amount: float, count: int, none: float = math.nan) -> float:
     return math.sqrt(amount / count) if count else none
 
 
-METRICS: dict[str, Callable[[Scene], Metric]] = {
+METRICS: dict[str, Callable[[RunScene], Metric]] = {
     "collisions": _count(Collision),
     "departures": _count(OffRoad),
     "distance": Kind(_way),

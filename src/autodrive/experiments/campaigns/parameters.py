@@ -15,7 +15,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Described, Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
-from autodrive.experiments.campaigns.sampling import Range, Value
+from autodrive.experiments.campaigns.sampling import ParameterRange, Value
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.files import described
@@ -38,7 +38,7 @@ OF_VEHICLE = re.compile(r"vehicles\.(\w+)\.spec\.(.+)")
 """Path of a field of a vehicle's file, such as 'vehicles.V1.spec.wheels.radius'."""
 
 
-def errors(descriptions: Descriptions, path: str, values: Range) -> list[str]:
+def errors(descriptions: Descriptions, path: str, values: ParameterRange) -> list[str]:
     """What is wrong with a parameter."""
     if path == LATENCY:
         fits = all(isinstance(value, int | float) and 0.0 <= value <= MAX_LATENCY for value in values.values)
@@ -98,7 +98,7 @@ def _with_map(specs: Specs, changes: Mapping[str, Value]) -> Specs:
     """The files of a scenario, with other values in the file of the map."""
     spec, text = _changed(specs.map, type(specs.map.spec), changes)
     numbered = tuple(enumerate(spec.placements, 1)) if isinstance(spec, MapSpec) else ()
-    return replace(specs, map=replace(specs.map, found=spec, error=None, text=text, placements=numbered))
+    return replace(specs, map=replace(specs.map, spec_or_none=spec, error=None, text=text, placements=numbered))
 
 
 def _with_vehicle(name: str, specs: Specs, changes: Mapping[str, Value]) -> Specs:
@@ -112,7 +112,7 @@ def _with_vehicle(name: str, specs: Specs, changes: Mapping[str, Value]) -> Spec
     return replace(
         specs,
         scenario=specs.scenario.model_copy(update={"vehicles": placed}),
-        vehicles={**specs.vehicles, type_: replace(file, found=spec, error=None, text=text)},
+        vehicles={**specs.vehicles, type_: replace(file, spec_or_none=spec, error=None, text=text)},
     )
 
 

@@ -15,11 +15,11 @@ from typing import Any
 from autodrive.base.errors import AutodriveError
 from autodrive.base.python_files import FUNCTION, load
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Campaign, Run, error_text
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun, error_text
 from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver
 from autodrive.experiments.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
 from autodrive.experiments.campaigns.sampling import Value
-from autodrive.experiments.campaigns.scene import Scene
+from autodrive.experiments.campaigns.scene import RunScene
 from autodrive.protocol.messages import Command, Frame
 from autodrive.world import World
 from autodrive.world.factory import new_world
@@ -29,7 +29,7 @@ KEPT = 8
 
 
 @dataclass(frozen=True)
-class Result:
+class RunResult:
     """What a run gave."""
 
     number: int
@@ -54,7 +54,7 @@ class Runner:
         self.campaign = campaign
         self._worlds: OrderedDict[str, World] = OrderedDict()
 
-    def run(self, run: Run, *, started: Callable[[], object] = lambda: None) -> Result:
+    def run(self, run: CampaignRun, *, started: Callable[[], object] = lambda: None) -> RunResult:
         """The result; an error of the driver is a result, too. `started` is called when the world is ready."""
         try:
             world = self.world(run.values)
@@ -63,7 +63,7 @@ class Runner:
             if run.recording and self.campaign.keeps_recording(result.metrics, result.error):
                 result = self._drive(run, world, Path(run.recording))
         except AutodriveError as error:
-            return Result(run.number, error=str(error).replace("\n", " "))
+            return RunResult(run.number, error=str(error).replace("\n", " "))
         return result
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class Runner:
                 self._worlds.popitem(last=False)[1].close()
         return self._worlds[key]
 
-    def _drive(self, run: Run, world: World, recording: Path | None = None) -> Result:
+    def _drive(self, run: CampaignRun, world: World, recording: Path | None = None) -> RunResult:
         factors: dict[str, dict[str, float]] = {}
         poses: dict[str, dict[str, float]] = {}
         for path, value in run.values.items():
@@ -105,7 +105,7 @@ class Runner:
             for kind in ("vehicles", "boxes")
         }
         scenario = world.spec.model_copy(update={**moved, "seed": run.seed})
-        scene = Scene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
+        scene = RunScene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
         with contextlib.ExitStack() as stack:
             if recording is not None:
                 from autodrive.recording import Recorder  # noqa: PLC0415  an extra
@@ -117,15 +117,17 @@ class Runner:
             try:
                 result = self._frames(run, world, scene, frame, stack)
             except AutodriveError as error:
-                result = Result(run.number, time=world.time, error=f"{type(error).__name__}: {error}")
+                result = RunResult(run.number, time=world.time, error=f"{type(error).__name__}: {error}")
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a driver must not end the campaign, whatever it raises
                 reason = str(error) if isinstance(error, DriverError) else error_text(error, self.campaign.folder)
-                result = Result(run.number, time=world.time, error=reason)
+                result = RunResult(run.number, time=world.time, error=reason)
         return replace(result, recording=str(recording)) if recording else result
 
-    def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
+    def _frames(
+        self, run: CampaignRun, world: World, scene: RunScene, frame: Frame, stack: contextlib.ExitStack
+    ) -> RunResult:
         spec = self.campaign.spec
         arguments = {
             match[1]: value for path, value in run.values.items() if (match := parameters.DRIVER.fullmatch(path))
@@ -159,7 +161,7 @@ class Runner:
                 end = ended
                 break
         values = {name: float(metric.value()) for name, metric in metrics.items()}
-        return Result(run.number, values, end, world.time, _digest(frame, end, values))
+        return RunResult(run.number, values, end, world.time, _digest(frame, end, values))
 
     def _ended(self, frame: Frame) -> str:
         """The event that ends the run, if any."""
@@ -174,7 +176,7 @@ class Runner:
             return DevkitScript(self.campaign.spec.driver, self.campaign.folder)
         return load(self.campaign.folder / match["file"], match["name"])(**arguments)
 
-    def _metric(self, name: str, scene: Scene) -> Metric:
+    def _metric(self, name: str, scene: RunScene) -> Metric:
         match = FUNCTION.fullmatch(name)
         if not match:
             return METRICS[name](scene)

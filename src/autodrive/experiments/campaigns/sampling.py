@@ -23,7 +23,7 @@ MAX_COUNT = 10**7
 """Samples that a campaign draws, at most."""
 
 
-class Range(Spec):
+class ParameterRange(Spec):
     """Values of one parameter; exactly one key."""
 
     uniform: Pair | None = None
@@ -38,7 +38,7 @@ class Range(Spec):
     """Each of these, with each sample of the other parameters."""
 
     @model_validator(mode="after")
-    def _is_one(self) -> Range:
+    def _is_one(self) -> ParameterRange:
         keys = {key: value for key, value in self if value is not None}
         if len(keys) != 1:
             raise ValueError("give one of uniform, log_uniform, normal, choice and grid")
@@ -93,7 +93,7 @@ class Sampling(Spec):
 class Design:
     """A sequence of points; a point has the value of each parameter by its path."""
 
-    def __init__(self, parameters: Mapping[str, Range], sampling: Sampling) -> None:
+    def __init__(self, parameters: Mapping[str, ParameterRange], sampling: Sampling) -> None:
         self._parameters = dict(parameters)
         self._sampling = sampling
         is_grid = sampling.method == "grid"

@@ -10,7 +10,7 @@ from autodrive.scenario.vehicles.spec import VehicleSpec
 
 
 @dataclass(frozen=True)
-class Scene:
+class RunScene:
     """The scenario of a run."""
 
     scenario: ScenarioSpec

@@ -11,10 +11,10 @@ from typing import Any
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.executor import Executor
-from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.sampling import Range, Value
+from autodrive.experiments.campaigns.runner import RunResult
+from autodrive.experiments.campaigns.sampling import ParameterRange, Value
 
 NO_MARGIN = 1e9
 """Margin of a run that has none, such as one that passes an equality."""
@@ -24,8 +24,8 @@ NO_MARGIN = 1e9
 class Trial:
     """One run of a search."""
 
-    run: Run
-    result: Result
+    run: CampaignRun
+    result: RunResult
     margin: float
     """Margin of the pass criterion: below 0 the driver has failed."""
 
@@ -52,13 +52,13 @@ def falsify(
         raise AutodriveError("a search for failures needs the key 'pass' in the campaign")
     logging.getLogger("optuna").setLevel(logging.WARNING)
     study = optuna.create_study(direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed))
-    asked: dict[int, tuple[Any, Run]] = {}
+    asked: dict[int, tuple[Any, CampaignRun]] = {}
 
     def submit() -> None:
         number = len(study.trials)
         trial = study.ask()
         values = {path: _suggested(trial, path, range_) for path, range_ in campaign.spec.parameters.items()}
-        run = Run(number, number, campaign.spec.seed_list[0], values)
+        run = CampaignRun(number, number, campaign.spec.seed_list[0], values)
         asked[number] = trial, run
         executor.submit(run)
 
@@ -82,7 +82,7 @@ def falsify(
         executor.cancel()
 
 
-def _suggested(trial: Any, path: str, range_: Range) -> Value:
+def _suggested(trial: Any, path: str, range_: ParameterRange) -> Value:
     """The value of a parameter that the search wants to try."""
     if range_.uniform:
         return trial.suggest_float(path, *range_.uniform)

@@ -16,8 +16,8 @@ from autodrive.base.cache import make_folder, new_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.base.texts import encodable
-from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
+from autodrive.experiments.campaigns.runner import RunResult
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +53,7 @@ class Table:
         self._written = time.monotonic()
         self._count = 0
 
-    def run(self, number: int) -> Run | None:
+    def run(self, number: int) -> CampaignRun | None:
         """The run of that number, with the parameters in the table; None if it is not there."""
         kinds, types = _kinds(self._campaign), self._campaign.spec.parameters
         row = self._stored().get(number)
@@ -63,7 +63,7 @@ class Table:
         for path, kind in kinds.items():
             if kind is str and not all(isinstance(value, str) for value in types[path].values):
                 values[path] = json.loads(row[path])
-        return Run(number, row["sample"], row["seed"], values)
+        return CampaignRun(number, row["sample"], row["seed"], values)
 
     def key(self, number: int) -> str:
         """The key of the run of that number; empty if it is not there."""
@@ -81,7 +81,7 @@ class Table:
         make_folder(self._parts)
         return self._stored()
 
-    def add(self, run: Run, key: str, result: Result) -> dict[str, Any]:
+    def add(self, run: CampaignRun, key: str, result: RunResult) -> dict[str, Any]:
         """Add a row; returns it."""
         row = row_of(self._campaign, run, key, result)
         self._rows.append(row)
@@ -225,7 +225,7 @@ class Columns:
         return sorted(rows, key=lambda row: runs.index(row["run"]))
 
 
-def row_of(campaign: Campaign, run: Run, key: str, result: Result) -> dict[str, Any]:
+def row_of(campaign: Campaign, run: CampaignRun, key: str, result: RunResult) -> dict[str, Any]:
     """The row of a run."""
     criterion = campaign.criterion
     margin = None if criterion is None or result.error else criterion.margin(result.metrics)

@@ -133,7 +133,7 @@ def _smooth(drive: Drive, column: str, times: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SimulatedMotion:
     """The motion of c candidates at the samples of the windows: arrays of the shape (c, w, s)."""
 
     x: Floats
@@ -182,16 +182,18 @@ class Simulator:
         self._commands = np.tile(commands, (1, candidates, 1))[:, :, None, :]
         self._motions = np.tile(motions, (candidates, 1))
 
-    def run(self, specs: Sequence[VehicleSpec], poses: Floats | None = None) -> Motion:
+    def run(self, specs: Sequence[VehicleSpec], poses: Floats | None = None) -> SimulatedMotion:
         """The motion of each candidate. `poses`: where the windows start, shape (w, 3); None: all at the origin."""
         parts = [self._run(specs[i : i + self.candidates], poses) for i in range(0, len(specs), self.candidates)]
-        return Motion(*(np.concatenate([getattr(part, name) for part in parts]) for name in Motion.__annotations__))
+        return SimulatedMotion(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in SimulatedMotion.__annotations__)
+        )
 
     def close(self) -> None:
         """End the threads."""
         self._batch.close()
 
-    def _run(self, specs: Sequence[VehicleSpec], poses: Floats | None) -> Motion:
+    def _run(self, specs: Sequence[VehicleSpec], poses: Floats | None) -> SimulatedMotion:
         batch, w = self._batch, len(self._windows.starts)
         driven = [self._driven(spec) for spec in specs]
         filled = [*driven, *driven[:1] * (self.candidates - len(specs))]
@@ -214,7 +216,7 @@ class Simulator:
         ticks[:, :, readings.is_unstable] = np.nan
         return self._sampled(ticks.reshape(self._windows.ticks + 1, 5, self.candidates, w), len(specs))
 
-    def _sampled(self, ticks: Floats, count: int) -> Motion:
+    def _sampled(self, ticks: Floats, count: int) -> SimulatedMotion:
         """Interpolate between ticks; `ticks` has the shape (ticks + 1, 5, c, w)."""
         before = np.minimum(self._windows.places.astype(np.int64), self._windows.ticks - 1)
         share = self._windows.places - before
@@ -222,7 +224,7 @@ class Simulator:
         # indices separated by slices: the shape is (w, s, 5, c)
         lower, upper = ticks[before, :, :, window], ticks[before + 1, :, :, window]
         values = lower + share[..., None, None] * (upper - lower)
-        return Motion(*np.moveaxis(values, (2, 3), (0, 1))[:, :count])
+        return SimulatedMotion(*np.moveaxis(values, (2, 3), (0, 1))[:, :count])
 
     def _driven(self, spec: VehicleSpec) -> VehicleSpec:
         """The vehicle as it obeys the recorded commands: a recorded angle of the steering is obeyed at once."""

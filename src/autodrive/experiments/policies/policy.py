@@ -1,7 +1,7 @@
 """A policy: a network from numbers that a car senses to throttle and steering, in NumPy.
 
 A policy may read the last moments: the input `yaw_rate@2` is the reading `yaw_rate` two steps ago, and `drive@1` and
-`steer@1` are its own outputs one step ago, -1 to 1. `Memory` keeps them.
+`steer@1` are its own outputs one step ago, -1 to 1. `PolicyMemory` keeps them.
 
 A policy may have a second network, its `Pace`, which estimates from the motion of the car how much slower the policy
 must drive than it was trained to: with little grip, with latency. It also limits the throttle.
@@ -225,7 +225,7 @@ class Policy:
             raise SpecError([f"{file} is not a policy: {reason}"]) from None
 
 
-class Memory:
+class PolicyMemory:
     """What `count` cars read and what their policy put out in the last steps, as far as its inputs need it."""
 
     def __init__(self, inputs: tuple[str, ...], readings: Sequence[str], count: int = 1) -> None:
@@ -259,14 +259,14 @@ class Memory:
         return self._past[self._ago, :, self._columns].T
 
 
-class Drivers:
+class PolicyDrivers:
     """A policy that drives `count` cars, and what it remembers of their episodes."""
 
     def __init__(self, policy: Policy, readings: Sequence[str], count: int = 1) -> None:
         """`readings`: names of the numbers given to `act`. Raises `AutodriveError` if the policy needs others."""
         self._policy = policy
-        self._memory = Memory(policy.inputs, readings, count)
-        self._motion = Memory(policy.pace.inputs if policy.pace else (), readings, count)
+        self._memory = PolicyMemory(policy.inputs, readings, count)
+        self._motion = PolicyMemory(policy.pace.inputs if policy.pace else (), readings, count)
         self._evidence = np.zeros((count, 2))
         self.slowness = np.ones(count)
         """Factor by which each car drives slower than the network, shape (count,). The pace sets it, if there is
@@ -316,12 +316,12 @@ class Drivers:
         return commands
 
 
-class Driver:
-    """A policy that drives one car, and what it remembers of its episode; see `Drivers`."""
+class SingleDriver:
+    """A policy that drives one car, and what it remembers of its episode; see `PolicyDrivers`."""
 
     def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
-        """Make a driver; see `Drivers` for the arguments."""
-        self._drivers = Drivers(policy, readings)
+        """Make a driver; see `PolicyDrivers` for the arguments."""
+        self._drivers = PolicyDrivers(policy, readings)
 
     def begin(self) -> None:
         """Begin an episode."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.envs.time_trial import TimeTrial, wheel_speed
-from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
@@ -44,7 +44,7 @@ class PolicyRacers:
             raise AutodriveError(
                 f"the policy reads {unknown[0]}, which no script can read in a race; a script can read {known}"
             )
-        self._drivers = Drivers(policy, INPUTS, count)
+        self._drivers = PolicyDrivers(policy, INPUTS, count)
         self._angle: Floats | None = None
 
     def commands(self, angles: Floats, yaw_rate: Floats, steering: Floats, ranges: Floats) -> Floats:

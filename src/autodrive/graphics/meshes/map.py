@@ -17,7 +17,7 @@ from shapely.geometry.polygon import orient
 from autodrive.graphics.assets.asset import Asset, AssetNode
 from autodrive.graphics.meshes.ground_tiles import RAISED, tile_surfaces
 from autodrive.graphics.meshes.map_solids import box_asset, solid_nodes, solid_texture
-from autodrive.graphics.meshes.strips import Line, painted_lines, shade_along, strips
+from autodrive.graphics.meshes.strips import StripLine, painted_lines, shade_along, strips
 from autodrive.scenario.maps.ground import (
     MARKING_LABELS,
     SIMPLIFY_TOLERANCE,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.assets.asset import MeshSurface
     from autodrive.scenario.maps.map import Map
 
-__all__ = ["Part", "box_asset", "map_asset", "map_parts"]
+__all__ = ["GroundPart", "box_asset", "map_asset", "map_parts"]
 
 PART = 8
 """Tiles of a part of the ground along x and y."""
@@ -57,12 +57,12 @@ def map_asset(map_: Map) -> Asset:
     return Asset(map_.name, nodes, _textures(nodes), strips([*ground.paint, *ground.shade]))
 
 
-class Part(NamedTuple):
+class GroundPart(NamedTuple):
     """A part of the ground, about `PART` wide and long. Those that an edit of the map did not change are equal."""
 
     tiles: tuple[tuple[str, tuple[MeshSurface, ...]], ...]
     """Names and surfaces."""
-    lines: tuple[Line, ...]
+    lines: tuple[StripLine, ...]
 
     @property
     def asset(self) -> Asset:
@@ -71,13 +71,13 @@ class Part(NamedTuple):
         return Asset("ground", nodes, strips=strips(self.lines), foreign_textures=_texture_names(nodes))
 
 
-def map_parts(map_: Map) -> tuple[Asset, list[Part]]:
+def map_parts(map_: Map) -> tuple[Asset, list[GroundPart]]:
     """The map of `map_asset` in several assets: the solids, with all textures, and parts of the ground."""
     ground, size = _Ground.of(map_), tile_size(map_)
     x0, y0, x1, _ = tile_extent(map_)
     columns = round((x1 - x0) / size)
     tiles: dict[tuple[int, int], list[tuple[str, tuple[MeshSurface, ...]]]] = {}
-    lines: dict[tuple[int, int], list[Line]] = {}
+    lines: dict[tuple[int, int], list[StripLine]] = {}
     rest: list[tuple[str, tuple[MeshSurface, ...]]] = []
     for number, surfaces in ground.tiles:
         column, row = number % columns + round(x0 / size), number // columns + round(y0 / size)
@@ -86,19 +86,19 @@ def map_parts(map_: Map) -> tuple[Asset, list[Part]]:
     for line in ground.paint:
         x, y = np.floor(line.left[0] / (PART * size)).astype(int).tolist()
         lines.setdefault((x, y), []).append(line)
-    parts = [Part(tuple(own), tuple(lines.pop(place, ()))) for place, own in tiles.items()]
+    parts = [GroundPart(tuple(own), tuple(lines.pop(place, ()))) for place, own in tiles.items()]
     others = [line for own in lines.values() for line in own]
     nodes = (*solid_nodes(map_),)
     of_ground = (AssetNode("", surfaces={"full": surfaces}) for _, surfaces in ground.tiles)
     solids = Asset(map_.name, nodes, _textures((*nodes, *of_ground)))
-    return solids, [*parts, Part(tuple(rest), (*others, *ground.shade))]
+    return solids, [*parts, GroundPart(tuple(rest), (*others, *ground.shade))]
 
 
 class _Ground(NamedTuple):
     tiles: list[tuple[int, tuple[MeshSurface, ...]]]
     """Number and surfaces of each tile, from `tile_surfaces`."""
-    paint: list[Line]
-    shade: list[Line]
+    paint: list[StripLine]
+    shade: list[StripLine]
 
     @staticmethod
     def of(map_: Map) -> _Ground:
@@ -117,7 +117,7 @@ def _texture_names(nodes: Iterable[AssetNode]) -> tuple[str, ...]:
     return tuple(sorted({(material.beneath or material).texture for material in materials} - {""}))
 
 
-def _paint(map_: Map) -> tuple[list[Layer], list[Line]]:
+def _paint(map_: Map) -> tuple[list[Layer], list[StripLine]]:
     """The layers of paint, from the top down, and the strips of those polygons of paint that are lines."""
     kinds = [marking.kind for marking in map_.markings for _ in range(shapely.get_num_geometries(marking.geometry))]
     polygons = shapely.get_parts(np.array([marking.geometry for marking in map_.markings], dtype=object))
@@ -132,7 +132,7 @@ def _paint(map_: Map) -> tuple[list[Layer], list[Line]]:
     return paint, [line for line in lines if line is not None]
 
 
-def _shade(map_: Map, bare: list[Layer]) -> Iterator[Line]:
+def _shade(map_: Map, bare: list[Layer]) -> Iterator[StripLine]:
     """Shade at the feet of kerbs, walls, buildings and barriers."""
     if map_.track is not None:
         barrier = map_.track.barrier
@@ -153,7 +153,7 @@ def _shade(map_: Map, bare: list[Layer]) -> Iterator[Line]:
     yield from _shade_around(solids, WALL_SHADE_WIDTH, WALL_SHADE)
 
 
-def _shade_around(area: BaseGeometry, width: float, shade: float) -> Iterator[Line]:
+def _shade_around(area: BaseGeometry, width: float, shade: float) -> Iterator[StripLine]:
     for polygon in shapely.get_parts(shapely.simplify(area, SIMPLIFY_TOLERANCE)):
         for ring in shapely.get_rings(orient(polygon)):  # the area is on the left
             yield shade_along(shapely.get_coordinates(ring), width, shade)

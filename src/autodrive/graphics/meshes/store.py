@@ -24,7 +24,7 @@ from autodrive.graphics.meshes.vehicle_paint import painted
 from autodrive.graphics.render.scene import RenderScene
 
 if TYPE_CHECKING:
-    from autodrive.graphics.meshes.map import Part
+    from autodrive.graphics.meshes.map import GroundPart
     from autodrive.scenario.maps.map import Map
     from autodrive.scenario.maps.solids import BoxPlacement
     from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -114,7 +114,7 @@ def map_files(map_: Map) -> tuple[tuple[str, bytes], list[tuple[str, bytes]]]:
 
 
 @lru_cache(maxsize=256)
-def _part_file(part: Part) -> tuple[str, bytes]:
+def _part_file(part: GroundPart) -> tuple[str, bytes]:
     return _named("ground", write_glb(part.asset))
 
 

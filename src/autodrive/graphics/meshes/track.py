@@ -72,7 +72,7 @@ def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
                 yield dict.fromkeys(STEPS, _wall(line, spec.height))
 
 
-class _Line(NamedTuple):
+class _BarrierPart(NamedTuple):
     """A part of a barrier."""
 
     points: Floats
@@ -90,7 +90,7 @@ def _deep(barrier: Barrier) -> Floats:
     return np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
 
 
-def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_BarrierPart]:
     """Each solid piece whose top is not covered by the top with mitred corners.
 
     It is a piece at a sharp corner, or a thick one between thin ones.
@@ -102,7 +102,7 @@ def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_Line]:
     shapely.prepare(covered)
     pieces = shapely.polygons(np.stack([begin, end, end + deep, begin + deep], axis=1))
     for k in np.flatnonzero(~shapely.covers(covered, pieces)).tolist():
-        yield _Line(barrier.points[k : k + 2], deep[[k, k]], deep[[k]])
+        yield _BarrierPart(barrier.points[k : k + 2], deep[[k, k]], deep[[k]])
 
 
 def _backs(barriers: list[Barrier]) -> list[Floats]:
@@ -158,7 +158,7 @@ def _mitres(barrier: Barrier) -> tuple[Floats, Floats]:
     return back * stretch[:, None], depth
 
 
-def _chunks(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+def _chunks(barrier: Barrier, back: Floats) -> Iterator[_BarrierPart]:
     """The barrier in parts of about `CHUNK`."""
     points, deep = barrier.points, _deep(barrier)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -168,17 +168,17 @@ def _chunks(barrier: Barrier, back: Floats) -> Iterator[_Line]:
             cuts.append(i)
     cuts.append(len(points) - 1)
     for a, b in itertools.pairwise(cuts):
-        yield _Line(points[a : b + 1], back[a : b + 1], deep[a:b])
+        yield _BarrierPart(points[a : b + 1], back[a : b + 1], deep[a:b])
 
 
-def _wall(line: _Line, height: float) -> tuple[MeshSurface, ...]:
+def _wall(line: _BarrierPart, height: float) -> tuple[MeshSurface, ...]:
     along = _along(line) / TEXTURE_SIZE
     front, top, rear = (_band(line, height, *edges, along) for edges in itertools.pairwise(WALL_PROFILE))
     sides = joined([front, rear, _ends(line, height)]).dim_below(height, WALL_FOOT)
     return sides.surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
 
 
-def _duct(line: _Line, height: float, detail: Detail) -> tuple[MeshSurface, ...]:
+def _duct(line: _BarrierPart, height: float, detail: Detail) -> tuple[MeshSurface, ...]:
     """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel.
 
     Its ends are as light as the duct: far gaps between ducts are then no dark dots.
@@ -190,12 +190,12 @@ def _duct(line: _Line, height: float, detail: Detail) -> tuple[MeshSurface, ...]
     return (joined([*bands, _ends(line, height)]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
 
 
-def _along(line: _Line) -> Floats:
+def _along(line: _BarrierPart) -> Floats:
     """Way along the face to each point [m], shape (n,)."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.points, axis=0), axis=1))])
 
 
-def _band(line: _Line, height: float, low: _Edge, high: _Edge, along: Floats) -> Mesh:
+def _band(line: _BarrierPart, height: float, low: _Edge, high: _Edge, along: Floats) -> Mesh:
     """Quadrilaterals between two edges of a profile, one for each piece: mitred, but square at the back.
 
     `along`: horizontal texture coordinate of each point, shape (n,).
@@ -214,7 +214,7 @@ def _band(line: _Line, height: float, low: _Edge, high: _Edge, along: Floats) ->
     return _quads(np.stack([a, b, c, d], axis=1), along[:-1], along[1:], normals)
 
 
-def _ends(line: _Line, height: float) -> Mesh:
+def _ends(line: _BarrierPart, height: float) -> Mesh:
     """The square ends of all solid pieces: they show at the ends of a duct, and between two pieces behind a bend."""
     begin, end = line.points[:-1], line.points[1:]
     a, b = np.vstack([begin + line.deep, end]), np.vstack([begin, end + line.deep])

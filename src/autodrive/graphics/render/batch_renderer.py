@@ -55,7 +55,7 @@ Piece: TypeAlias = tuple[bool, IndexRange]
 """Triangles, and whether vehicles cast shadows on them."""
 
 
-class Part(NamedTuple):
+class PreparedStates(NamedTuple):
     """Some states, prepared for drawing: m states, v vehicles, o objects, r ranges of the static mesh."""
 
     vehicles: np.ndarray
@@ -138,7 +138,7 @@ class BatchRenderer(Renderer):
 
     # -- preparation ------------------------------------------------------------------------------------------------
 
-    def _prepared(self, vehicles: np.ndarray, objects: np.ndarray) -> Part:
+    def _prepared(self, vehicles: np.ndarray, objects: np.ndarray) -> PreparedStates:
         m, v, o = len(vehicles), vehicles.shape[1], objects.shape[1]
         roots, places = rigid_all(vehicles), rigid_all(objects)
         bones = np.zeros((m, v + o, BONES, 4, 4), np.float32)
@@ -158,7 +158,7 @@ class BatchRenderer(Renderer):
         planes, static = sight_planes(clips), self._static.geometry
         is_seen = np.concatenate([in_sight(planes, *static.spheres), in_sight(planes, centers, self._radii)], axis=1)
         is_seen[:, len(static.ranges) + self._row] &= len(self._own_pieces) > 0
-        return Part(
+        return PreparedStates(
             vehicles=vehicles,
             roots=roots,
             places=places,
@@ -225,7 +225,7 @@ class BatchRenderer(Renderer):
 
     # -- drawing ----------------------------------------------------------------------------------------------------
 
-    def _draw_part(self, part: Part, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
+    def _draw_part(self, part: PreparedStates, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
         m = len(part.roots)
         casters = [self._casters(part, k) for k in range(m)]
         is_dimmed = np.array([dims[:, own].any(1) for dims, own in zip(part.is_dimmed, casters, strict=True)])
@@ -261,7 +261,7 @@ class BatchRenderer(Renderer):
         self._pixels.read_into(pixels, size=pixels.nbytes)
         return pixels
 
-    def _static_pieces(self, part: Part, is_dimmed: NDArray[np.bool_]) -> list[list[Piece]]:
+    def _static_pieces(self, part: PreparedStates, is_dimmed: NDArray[np.bool_]) -> list[list[Piece]]:
         """What each image shows of the static mesh; fills the buffer of the triangles.
 
         `is_dimmed`: ranges, vehicles and objects on which shadows of vehicles fall, shape (m, r + v + o).
@@ -285,12 +285,12 @@ class BatchRenderer(Renderer):
             self._indices.write(np.concatenate(chosen).tobytes())
         return pieces
 
-    def _casters(self, part: Part, k: int) -> list[int]:
+    def _casters(self, part: PreparedStates, k: int) -> list[int]:
         """Vehicles whose shadows image k shows, the nearest first."""
         is_casting = part.is_dimmed[k].any(0)
         return [i for i in part.near[k].tolist() if is_casting[i]][:CASTERS]
 
-    def _illumination(self, part: Part, k: int, casters: list[int], is_day: bool) -> Illumination:
+    def _illumination(self, part: PreparedStates, k: int, casters: list[int], is_day: bool) -> Illumination:
         """Light and shadow in image k; draws the shadow maps."""
         draws, v = self._draw_list, len(self._vehicles)
         roots, places, near = part.roots[k], part.places[k], part.near[k].tolist()
@@ -318,7 +318,7 @@ class BatchRenderer(Renderer):
         )
 
     def _posed(
-        self, part: Part, k: int, is_dimmed: NDArray[np.bool_], light: tuple[Illumination, Illumination]
+        self, part: PreparedStates, k: int, is_dimmed: NDArray[np.bool_], light: tuple[Illumination, Illumination]
     ) -> Iterator[DrawCall]:
         """Vehicles and objects in image k. `light`: without and with shadows of vehicles."""
         n = len(self._static.geometry.ranges)

@@ -167,7 +167,7 @@ GROUND = 1e-3
 """Level surfaces that are nearer to z = 0 are ground [m]."""
 
 
-class Range(NamedTuple):
+class MeshRange(NamedTuple):
     """Triangles that are drawn together: `length` indices from `first`."""
 
     first: int
@@ -187,7 +187,7 @@ class Geometry:
     vertices: NDArray[np.void]
     """dtype `VERTEX`."""
     indices: NDArray[np.uint32]
-    ranges: tuple[Range, ...]
+    ranges: tuple[MeshRange, ...]
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats]:
@@ -212,7 +212,7 @@ def geometry(
     """
     vertices: list[NDArray[np.void]] = []
     indices: list[NDArray[np.uint32]] = []
-    ranges: list[Range] = []
+    ranges: list[MeshRange] = []
     n_vertex = n_index = 0
     for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
         groups: dict[tuple[Kind, str], list[tuple[MeshSurface, AssetNode]]] = {}
@@ -233,7 +233,7 @@ def geometry(
             points = np.concatenate([part["position"] for part in parts])
             center = 0.5 * (points.min(0) + points.max(0)).astype(np.float64)
             radius = float(np.linalg.norm(points - center, axis=1).max())
-            ranges.append(Range(n_index, len(own_indices), kind, array, center, radius))
+            ranges.append(MeshRange(n_index, len(own_indices), kind, array, center, radius))
             vertices += parts
             indices.append(own_indices.astype(np.uint32))
             n_vertex, n_index = n_vertex + len(points), n_index + len(own_indices)

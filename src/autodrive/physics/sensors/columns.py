@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined
 from autodrive.base.transforms import Quaternion, Vector
-from autodrive.physics.model import Shapes, Table
+from autodrive.physics.model import ShapeTable, Table
 from autodrive.physics.sensors.noise import corrupt
 from autodrive.physics.state import State
 
@@ -82,7 +82,7 @@ def motion_of(state: State) -> Motion:
     )
 
 
-class Poses(NamedTuple):
+class StatePoses(NamedTuple):
     """Poses of the vehicles and shapes of one world, as in its State."""
 
     position: Floats
@@ -98,7 +98,7 @@ class Poses(NamedTuple):
 class Working(NamedTuple):
     """Working memory of the sensors."""
 
-    before: Poses
+    before: StatePoses
     """Poses at the start of the tick; only with a rolling LIDAR."""
     near: Integers
     """Shapes near a sensor, shape (n_shape,)."""
@@ -129,7 +129,7 @@ class Memory(NamedTuple):
     """All that a sensor reads and writes."""
 
     motion: Motion
-    shapes: Shapes
+    shapes: ShapeTable
     noise: NoiseColumns
     readings: ReadingColumns
     working: Working
@@ -184,10 +184,10 @@ def add_noise(due: Due, memory: Memory, values: Floats) -> None:
         corrupt(values, channels, bias, noise.stream[due.k, due.i, due.s], elapsed)
 
 
-def working_memory(shapes: Shapes, v: int, rays: int) -> Working:
+def working_memory(shapes: ShapeTable, v: int, rays: int) -> Working:
     """Working memory for v vehicles and LIDARs of at most so many rays."""
     return Working(
-        before=Poses(
+        before=StatePoses(
             position=np.zeros((v, 3)),
             orientation=np.zeros((v, 4)),
             shape_position=shapes.position.copy(),

@@ -16,7 +16,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import BOX, CYLINDER, Shapes
+from autodrive.physics.model import BOX, CYLINDER, ShapeTable
 from autodrive.physics.ray import inverse_distance
 from autodrive.physics.sensors.outline import (
     AROUND,
@@ -44,7 +44,7 @@ def cast_fan(
     angle_increment: float,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.errors import SensorError, SnapshotError
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.rays import cast_rays
 from autodrive.physics.sensors.sensor import Schedule, random_generator
 from autodrive.physics.state import State, VehicleView
@@ -74,7 +74,7 @@ class SensorView(VehicleView):
     time: float
     """Simulated time [s]."""
 
-    def __init__(self, state: State, index: int, time: float, shapes: Shapes, bodies: Mapping[str, int]) -> None:
+    def __init__(self, state: State, index: int, time: float, shapes: ShapeTable, bodies: Mapping[str, int]) -> None:
         """`bodies`: vehicles and movable objects, name -> index of the pose in `State.qpos`."""
         super().__init__(state, index)
         self.time = time
@@ -177,7 +177,7 @@ class OwnSensors:
         self,
         vehicles: Mapping[str, Sequence[str]],
         bodies: Mapping[str, int],
-        shapes: Shapes,
+        shapes: ShapeTable,
         state: State,
         *,
         substep: Fraction,

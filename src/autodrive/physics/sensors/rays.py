@@ -8,7 +8,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector, rotate
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.ray import inverse_distance, misses_sphere
 
 
@@ -20,7 +20,7 @@ def cast_rays(
     directions: Floats,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,
@@ -50,7 +50,7 @@ def inverse_range(
     ray: Vector,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Integers, read_only_copy
 from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.lidar import LidarSpec
@@ -45,7 +45,7 @@ class SensorSuite:
     def __init__(
         self,
         vehicles: Mapping[str, Mapping[str, ConfiguredSensor]],
-        shapes: Shapes,
+        shapes: ShapeTable,
         state: State,
         targets: Integers | None = None,
         *,

@@ -9,7 +9,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate, slerp
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.ray import inverse_distance, misses_sphere
 
 
@@ -43,7 +43,7 @@ def cast_sweep(
     time: float,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     near: Integers,
     inverse_range: Floats,
     hits: Integers,

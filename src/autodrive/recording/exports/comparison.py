@@ -40,7 +40,7 @@ MAX_POINTS = 2000
 Signals: TypeAlias = dict[str, NDArray[np.float64]]
 
 
-class Error(NamedTuple):
+class SignalDeviation(NamedTuple):
     """The error of a signal, in its unit."""
 
     rms: float
@@ -106,10 +106,10 @@ class Comparison:
         return {"along": along, "across": across, "distance": np.hypot(dx, dy)} | differences
 
     @property
-    def errors(self) -> dict[str, Error]:
+    def errors(self) -> dict[str, SignalDeviation]:
         """Root mean square and largest magnitude of each of the `differences`, in their units."""
         return {
-            name: Error(float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values))))
+            name: SignalDeviation(float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values))))
             for name, values in self.differences.items()
         }
 

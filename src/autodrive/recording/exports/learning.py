@@ -26,7 +26,7 @@ ACTION = ("throttle", "steering")
 
 
 @dataclass(frozen=True)
-class Step:
+class DatasetStep:
     """One time step."""
 
     time: float
@@ -40,7 +40,7 @@ class Step:
     images: LazyImages
 
 
-def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[Step]:
+def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[DatasetStep]:
     """The steps of one vehicle at that rate [Hz]. Raises `RecordingError` if the recording has fewer Frames.
 
     An episode ends with a reset, with another scenario, and where Frames are missing: its steps have equal intervals,
@@ -75,10 +75,10 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
         action = np.clip(np.array([obeyed.throttle, obeyed.steering], np.float32), -1.0, 1.0)
         images = frame.vehicles[vehicle].cameras
         assert isinstance(images, LazyImages)
-        yield Step(time, episode, _state(frame, vehicle), action, images)
+        yield DatasetStep(time, episode, _state(frame, vehicle), action, images)
 
 
-def checked(all_steps: list[Step]) -> list[Step]:
+def checked(all_steps: list[DatasetStep]) -> list[DatasetStep]:
     """Raises `RecordingError` if a dataset needs more steps."""
     if len(all_steps) < 2:
         raise RecordingError(f"the dataset would have {len(all_steps)} steps; record a longer drive")

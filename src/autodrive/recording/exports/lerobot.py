@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.learning import ACTION, STATE, DatasetStep, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.film.encoder import open_stream
 from autodrive.recording.recording import decoded
@@ -77,7 +77,7 @@ def _tasks(task: str) -> pa.Table:
     return table.replace_schema_metadata({"pandas": json.dumps(described)})
 
 
-def _columns(all_steps: Sequence[Step], rate: int) -> dict[str, Any]:
+def _columns(all_steps: Sequence[DatasetStep], rate: int) -> dict[str, Any]:
     _, firsts, episode = np.unique([step.episode for step in all_steps], return_index=True, return_inverse=True)
     frame = np.arange(len(all_steps)) - firsts[episode]
     return {
@@ -113,7 +113,7 @@ def _episode_rows(columns: dict[str, Any], task: str, cameras: Sequence[str], ra
     return rows
 
 
-def _write_video(path: Path, camera: str, all_steps: Sequence[Step], rate: int) -> dict[str, Any]:
+def _write_video(path: Path, camera: str, all_steps: Sequence[DatasetStep], rate: int) -> dict[str, Any]:
     """One image for each step: the latest one, black before the first one; the description of the video."""
     target = path / f"videos/observation.images.{camera}/chunk-000"
     make_folder(target)
@@ -146,7 +146,7 @@ Statistics: TypeAlias = dict[str, dict[str, list[Any]]]
 
 
 def _statistics(
-    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[Step], cameras: Sequence[str]
+    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[DatasetStep], cameras: Sequence[str]
 ) -> Statistics:
     """Statistics of each feature, by its name and by the name of the statistic."""
     statistics = {name: _summary(column, len(column)) for name, column in values.items()}
@@ -169,7 +169,7 @@ def _summary(rows: NDArray[np.float64], count: int) -> dict[str, list[Any]]:
     return {name: value.tolist() for name, value in figures.items()} | {"count": [count]}
 
 
-def _pixels(step: Step, camera: str) -> NDArray[np.uint8]:
+def _pixels(step: DatasetStep, camera: str) -> NDArray[np.uint8]:
     """Some pixels of an image, shape (n, 3); one black pixel before the first image."""
     picture = step.images.picture(camera) if camera in step.images.times else None
     if picture is None:
@@ -178,7 +178,7 @@ def _pixels(step: Step, camera: str) -> NDArray[np.uint8]:
 
 
 def _episode_statistics(
-    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[Step], cameras: Sequence[str]
+    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[DatasetStep], cameras: Sequence[str]
 ) -> dict[str, list[Any]]:
     """Columns with the statistics of each episode, such as 'stats/action/mean'."""
     columns: dict[str, list[Any]] = {}
@@ -195,7 +195,7 @@ def _episode_statistics(
 
 
 def _info(
-    recording: Recording, vehicle: str, all_steps: Sequence[Step], rate: int, videos: dict[str, dict[str, Any]]
+    recording: Recording, vehicle: str, all_steps: Sequence[DatasetStep], rate: int, videos: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     whole = {"dtype": "int64", "shape": [1], "names": None}
     features: dict[str, Any] = {

@@ -20,7 +20,7 @@ from minari.data_collector import EpisodeBuffer
 
 from autodrive.base.child_process import start_module, take_stdout
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.learning import ACTION, STATE, DatasetStep, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 
 RATE = 20.0
@@ -86,7 +86,7 @@ def _create(folder: Path, name: str, description: str, buffers: list[EpisodeBuff
     )
 
 
-def _episode(number: int, episode_steps: list[Step]) -> EpisodeBuffer:
+def _episode(number: int, episode_steps: list[DatasetStep]) -> EpisodeBuffer:
     """N + 1 observations, n actions; the action of a step was given at its observation."""
     count = len(episode_steps) - 1
     return EpisodeBuffer(

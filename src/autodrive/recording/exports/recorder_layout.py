@@ -49,7 +49,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
         began = datetime.strptime(recording.about.get("recorded_at", "2000-01-01T00:00:00Z"), "%Y-%m-%dT%H:%M:%SZ")
         with (path / f"{vehicle} Log.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            images = _Images(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
+            images = _ImageFiles(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
             for moment in options.moments(recording, options.rate or RATES[columns]):
                 if vehicle not in moment.frame.vehicles:
                     continue
@@ -57,7 +57,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
                 writer.writerow(_row(moment, vehicle, stamp, columns, images))
 
 
-class _Images:
+class _ImageFiles:
     """Writes each image once; `count` cameras have a column."""
 
     def __init__(self, path: Path, vehicle: str, count: int) -> None:
@@ -84,7 +84,7 @@ class _Images:
         return path
 
 
-def _row(moment: Moment, vehicle: str, stamp: str, columns: int, images: _Images) -> list[object]:
+def _row(moment: Moment, vehicle: str, stamp: str, columns: int, images: _ImageFiles) -> list[object]:
     frame = moment.frame.vehicles[vehicle]
     velocity = frame.velocity.tolist()
     return [

@@ -56,7 +56,7 @@ class _Way:
 
 
 @dataclass(frozen=True)
-class _Node:
+class _ChainEnd:
     """An end of a chain, in the frame of its first port."""
 
     x: float
@@ -64,7 +64,7 @@ class _Node:
     quarter: int
     cost: float
     way: _Way | None = None
-    before: _Node | None = None
+    before: _ChainEnd | None = None
     box: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """x_min, y_min, x_max, y_max of its module."""
 
@@ -105,7 +105,7 @@ def closing_chain(
     goal_quarter = round(turns) % 4
     ways = list(_ways(modules, start))
     taken = _Taken(solids, start.pose)
-    nodes = [_Node(0.0, 0.0, 0, 0.0)]
+    nodes = [_ChainEnd(0.0, 0.0, 0, 0.0)]
     queue = [(abs(goal_x) + abs(goal_y), 0)]
     done: set[tuple[int, int, int]] = set()
     miss: tuple[float, float] | None = None
@@ -153,17 +153,17 @@ def _way(name: str, spec: ModuleSpec, entry: Port, exit_: Port) -> _Way:
     return _Way(name, (spec.length, spec.width), values[0], values[1], quarter % 4, values[2], values[3], out)
 
 
-def _after(node: _Node, way: _Way) -> _Node:
+def _after(node: _ChainEnd, way: _Way) -> _ChainEnd:
     dx, dy = _turned(way.exit_x, way.exit_y, node.quarter)
     mx, my = _turned(way.x, way.y, node.quarter)
     length, width = way.size if (node.quarter + way.quarter) % 2 == 0 else way.size[::-1]
     x, y, a, b = node.x + mx, node.y + my, 0.5 * length - GAP, 0.5 * width - GAP
     cost = node.cost + math.hypot(dx, dy) + PIECE_COST
     quarter = (node.quarter + way.exit_quarter) % 4
-    return _Node(node.x + dx, node.y + dy, quarter, cost, way, node, (x - a, y - b, x + a, y + b))
+    return _ChainEnd(node.x + dx, node.y + dy, quarter, cost, way, node, (x - a, y - b, x + a, y + b))
 
 
-def _is_free(node: _Node, taken: _Taken) -> bool:
+def _is_free(node: _ChainEnd, taken: _Taken) -> bool:
     x0, y0, x1, y1 = node.box
     before = node.before
     while before and before.way:
@@ -174,9 +174,9 @@ def _is_free(node: _Node, taken: _Taken) -> bool:
     return not taken.meets(node.box)
 
 
-def _placements(last: _Node, origin: Pose) -> Iterator[Placement]:
-    chain: list[_Node] = []
-    node: _Node | None = last
+def _placements(last: _ChainEnd, origin: Pose) -> Iterator[Placement]:
+    chain: list[_ChainEnd] = []
+    node: _ChainEnd | None = last
     while node and node.way:
         chain.append(node)
         node = node.before

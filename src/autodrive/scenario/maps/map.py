@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from autodrive.base import specs
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Place
+from autodrive.base.specs import PlaceInFile
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
@@ -24,8 +24,8 @@ from autodrive.scenario.maps.light_programs import MAX_LIGHTS, LightProgramSpec,
 from autodrive.scenario.maps.module import MarkingKind, Module, compile_module, lane_end
 from autodrive.scenario.maps.placing import (
     OF_DRAFT,
-    MapProblem,
     PlacedModule,
+    PlacingProblem,
     PortId,
     Solid,
     blocked_lanes,
@@ -147,9 +147,9 @@ def load_module(name: str | Path) -> Module:
 
 
 @functools.lru_cache(maxsize=8)
-def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, ...]]:
+def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[PlacingProblem, ...]]:
     """The map without its faulty placements, None if its file is not valid; and what else is wrong."""
-    spec = described.found
+    spec = described.spec_or_none
     if isinstance(spec, TrackSpec):
         return track_map(Track.of(spec, described.name)), _faults(spec)
     placed, problems = place(described)
@@ -158,27 +158,29 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, 
     return map_, (*problems, *unjoined, *more)
 
 
-def _faults(spec: TrackSpec) -> tuple[MapProblem, ...]:
+def _faults(spec: TrackSpec) -> tuple[PlacingProblem, ...]:
     """What is wrong with a track by points."""
     if spec.width is None:
         return ()
     return tuple(
-        MapProblem(fault.kind, Place("map", ("points", fault.point)), f": {fault.text}", at=(fault.x, fault.y))
+        PlacingProblem(
+            fault.kind, PlaceInFile("map", ("points", fault.point)), f": {fault.text}", at=(fault.x, fault.y)
+        )
         for fault in faults(np.array(spec.points), spec.width)
     )
 
 
-def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
+def problems_of_draft(described: DescribedMap, problems: Sequence[PlacingProblem]) -> list[PlacingProblem]:
     """What may be wrong because the map is being built."""
     return [problem for problem in problems if described.is_draft and problem.kind in OF_DRAFT]
 
 
 def problem_texts(
-    described: DescribedMap, problems: Sequence[MapProblem], *, has_name: bool = True
+    described: DescribedMap, problems: Sequence[PlacingProblem], *, has_name: bool = True
 ) -> list[specs.Problem]:
     """The messages of the errors of a file, and of what else is wrong; those begin with the name of the map."""
     of_file = described.error.errors if described.error else []
-    kind = "track" if isinstance(described.found, TrackSpec) else "map"
+    kind = "track" if isinstance(described.spec_or_none, TrackSpec) else "map"
     prefix = f"{kind} '{described.name}': " if has_name else ""
     allowed = problems_of_draft(described, problems)
     return [
@@ -223,7 +225,7 @@ def track_map(track: Track) -> Map:
 
 def _compiled(
     spec: MapSpec, name: str, placed: list[PlacedModule], joins: dict[PortId, PortId]
-) -> tuple[Map, list[MapProblem]]:
+) -> tuple[Map, list[PlacingProblem]]:
     statics, props, places = _statics(spec)
     obstructions = [part for part in placed if part.module.spec.type == "obstruction"]
     boxes = tuple(_box(obstruction) for obstruction in obstructions)
@@ -265,22 +267,24 @@ def _too_large(
     spec: MapSpec,
     placed: list[PlacedModule],
     statics: tuple[StaticShape, ...],
-    places: list[Place],
+    places: list[PlaceInFile],
     bounds: tuple[float, float, float, float],
-) -> MapProblem:
+) -> PlacingProblem:
     """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
     labels = [
         *(module.label for module in placed),
         *places,
-        *(Place("map", ("paved", i)) for i in range(len(spec.paved))),
+        *(PlaceInFile("map", ("paved", i)) for i in range(len(spec.paved))),
     ]
     low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
     size = f"{x1 - x0:.4g} m x {y1 - y0:.4g} m"
-    return MapProblem("extent", label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m")
+    return PlacingProblem(
+        "extent", label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
+    )
 
 
 def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
@@ -294,7 +298,7 @@ def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[MapProblem]:
+def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[PlacingProblem]:
     """Flat modules must not overlap each other; boxes must not overlap boxes or static shapes."""
     flat = [part for part in placed if part.module.spec.type not in {"terrain", "obstruction"}]
     boxes = [part for part in placed if part.module.spec.type == "obstruction"]
@@ -308,31 +312,33 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     ]
 
 
-def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[Place]) -> list[MapProblem]:
+def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[PlaceInFile]) -> list[PlacingProblem]:
     """Solid objects are identified by name, so each name must be unique. `labels` say where they are."""
-    places: dict[str, list[Place]] = {}
+    places: dict[str, list[PlaceInFile]] = {}
     for solid, label in zip(solids, labels, strict=True):
         places.setdefault(solid.name, []).append(label)
     problems = [
-        MapProblem("name", places[name][0], f": the name '{name}' is reserved; choose another one")
+        PlacingProblem("name", places[name][0], f": the name '{name}' is reserved; choose another one")
         for name in RESERVED
         if name in places
     ]
     return problems + [
-        MapProblem("name", where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique")
+        PlacingProblem(
+            "name", where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique"
+        )
         for name, where in places.items()
         if len(where) > 1
     ]
 
 
-def _wrong_programs(spec: MapSpec, lights: list[str]) -> list[MapProblem]:
+def _wrong_programs(spec: MapSpec, lights: list[str]) -> list[PlacingProblem]:
     problems = [
-        MapProblem("name", Place("map", ("light_programs", name)), f": {text}")
+        PlacingProblem("name", PlaceInFile("map", ("light_programs", name)), f": {text}")
         for name, text in program_problems(spec.light_programs, lights)
     ]
     if len(lights) > MAX_LIGHTS:
         text = f": the map has {len(lights)} traffic lights; at most {MAX_LIGHTS} are possible"
-        problems.append(MapProblem("field", Place("map", ("props",)), text))
+        problems.append(PlacingProblem("field", PlaceInFile("map", ("props",)), text))
     return problems
 
 
@@ -345,13 +351,13 @@ def _box(obstruction: PlacedModule) -> BoxPlacement:
     )
 
 
-def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[Place]]:
+def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[PlaceInFile]]:
     """The fixed solids, the signs and lights, and where each of the solids is in the file."""
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
     solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
     solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
-    return tuple(shape for _, _, shape in solids), props, [Place("map", (key, i)) for key, i, _ in solids]
+    return tuple(shape for _, _, shape in solids), props, [PlaceInFile("map", (key, i)) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:

@@ -104,4 +104,4 @@ class DescribedMap(Described[MapSpec | TrackSpec]):
     @property
     def is_draft(self) -> bool:
         """Whether it is being built."""
-        return self.found is not None and self.found.is_draft
+        return self.spec_or_none is not None and self.spec_or_none.is_draft

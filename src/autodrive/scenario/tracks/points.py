@@ -45,7 +45,7 @@ class SmoothLine(NamedTuple):
     """Number of the point before each place, from 0, and the share of the way to the next one, shape (n,)."""
 
 
-class Fault(NamedTuple):
+class TrackFault(NamedTuple):
     """A place where a track cannot be driven."""
 
     kind: Literal["bend", "touch", "narrow"]
@@ -113,15 +113,15 @@ def centre_line(points: Floats, width: float) -> Floats:
     return np.round(rows, 4) + 0.0
 
 
-def faults(points: Floats, width: float) -> list[Fault]:
+def faults(points: Floats, width: float) -> list[TrackFault]:
     """Where a track through points, shape (n, 2), with a width [m] cannot be driven."""
     places, parameters = smooth_line(points)
     n, length = len(places), float(closed_line(places).along[-1])
     radius, gap = width / 2.0 + INNER_RADIUS, width + BETWEEN
 
-    def fault(kind: Literal["bend", "touch"], i: int, value: float, least: float) -> Fault:
+    def fault(kind: Literal["bend", "touch"], i: int, value: float, least: float) -> TrackFault:
         x, y = places[i].tolist()
-        return Fault(kind, x, y, round(float(parameters[i])) % len(points), value, least)
+        return TrackFault(kind, x, y, round(float(parameters[i])) % len(points), value, least)
 
     bend = np.abs(curvature(places))
     all_faults = [fault("bend", i, float(1.0 / bend[i]), radius) for i in _worst(bend, 1.0 / radius)]
@@ -136,7 +136,7 @@ def faults(points: Floats, width: float) -> list[Fault]:
     all_faults += [fault("touch", i, math.sqrt(near[i]), gap) for i in pairs]
     if width < WIDTH_MIN:
         x, y = points[0].tolist()
-        all_faults.append(Fault("narrow", x, y, 0, width, WIDTH_MIN))
+        all_faults.append(TrackFault("narrow", x, y, 0, width, WIDTH_MIN))
     return all_faults[:MAX_FAULTS]
 
 

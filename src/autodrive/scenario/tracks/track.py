@@ -18,7 +18,7 @@ from autodrive.base.elementary import atan2
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Length, Spec
 from autodrive.scenario.tracks import points as by_points
-from autodrive.scenario.tracks.line import Line, closed_line, nearest_on_line, point_on_line
+from autodrive.scenario.tracks.line import ClosedLine, closed_line, nearest_on_line, point_on_line
 from autodrive.scenario.tracks.shape import edges_of, steps, walls_along
 
 MAX_POINTS = 20_000
@@ -229,7 +229,7 @@ class Track:
         return self.pose_at(-back, left / 2.0 if place % 2 == 0 else -right / 2.0)
 
     @cached_property
-    def line(self) -> Line:
+    def line(self) -> ClosedLine:
         """The centre line for compiled functions."""
         return closed_line(self.centre_line[:, :2])
 

@@ -10,7 +10,7 @@ from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.physics.engine import AWAKE
 from autodrive.physics.model import Model
-from autodrive.physics.sensors.columns import Poses, SensorTables, motion_of
+from autodrive.physics.sensors.columns import SensorTables, StatePoses, motion_of
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
@@ -179,7 +179,7 @@ def _signal(
 
 
 @inlined
-def _note_poses(state: State, n_fixed: int, before: Poses) -> None:
+def _note_poses(state: State, n_fixed: int, before: StatePoses) -> None:
     for i in range(state.vehicle_position.shape[0]):
         for axis in range(3):
             before.position[i, axis] = state.vehicle_position[i, axis]
