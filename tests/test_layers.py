@@ -127,7 +127,7 @@ def test_only_the_engine_and_the_mjcf_modules_import_mujoco() -> None:
 
 def test_only_few_modules_import_numba() -> None:
     for path in FILES:
-        if name_of(path) not in {"base/jit.py", "base/elementary.py", "physics/engine.py"}:
+        if name_of(path) not in {"base/jit.py", "base/elementary.py", "base/pinned.py", "physics/engine.py"}:
             assert "numba" not in distributions_imported(path), name_of(path)
 
 

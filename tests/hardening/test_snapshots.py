@@ -16,6 +16,7 @@ from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
+from tests.support.cars import car_file
 from tests.support.command_line import python
 from tests.support.frames import digest, digests
 from tests.world.test_world import arrays
@@ -63,18 +64,22 @@ def test_a_snapshot_of_another_scenario_is_refused_and_nothing_has_changed(name:
 
 def wrong(saved: Snapshot) -> dict[str, Any]:
     """What is no snapshot of this world, or cannot be continued."""
-    column = saved.state.vehicle_position
+    state = saved.row.state
+
+    def with_positions(positions: Any) -> Snapshot:
+        return saved._replace(row=saved.row._replace(state=state._replace(vehicle_position=positions)))
+
     return {
         "None": None,
         "a tuple": tuple(saved),
         "a Frame": saved.frame,
         "a dictionary": saved._asdict(),
         "no identity": saved._replace(world=""),
-        "a short state": saved._replace(state=saved.state._replace(vehicle_position=column[:0])),
-        "another type of number": saved._replace(
-            state=saved.state._replace(vehicle_position=column.astype(np.float32))
-        ),
-        "NaN in the state": saved._replace(state=saved.state._replace(vehicle_position=column * np.nan)),
+        "a short state": with_positions(state.vehicle_position[:, :0]),
+        "another type of number": with_positions(state.vehicle_position.astype(np.float32)),
+        "NaN in the state": with_positions(state.vehicle_position * np.nan),
+        "no state": saved._replace(row=saved.row._replace(state=None)),
+        "no row": saved._replace(row=None),
     }
 
 
@@ -84,6 +89,20 @@ def test_what_is_no_snapshot_is_refused_and_nothing_has_changed() -> None:
         with pytest.raises(SnapshotError):
             world.restore(one)
     assert digests(world, 30, drive) == digests(other, 30, drive)
+
+
+@pytest.mark.parametrize("is_rolling", [False, True])
+def test_noisy_sensors_have_the_same_future_within_a_scan(tmp_path: Path, is_rolling: bool) -> None:
+    changes = {"lidar.rays": 90, "lidar.rate": 40.0, "lidar.is_rolling": is_rolling}
+    changes |= {"lidar.noise": "realistic", "imu.noise": "realistic"}
+    car = car_file(tmp_path, {f"sensors.{name}": value for name, value in changes.items()})
+    world = autodrive.make(changed(SPEC, vehicles={"V1": VehiclePlacement(type=car)}))
+    digests(world, 33, drive)
+    saved = world.save()
+    first = digests(world, 40, drive)
+    world.reset(99)
+    assert world.restore(saved) is saved.frame
+    assert digests(world, 40, drive) == first
 
 
 def test_a_world_with_cameras_refuses_a_snapshot_without(gl: str) -> None:

@@ -20,6 +20,7 @@ from autodrive.base.errors import CommandError
 from autodrive.protocol.messages import Collision, Command, Headlights, Indicators
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
+from autodrive.world.columns import columns_of
 from tests.support.frames import bytes_of
 from tests.support.hardening import memory, open_files
 
@@ -118,7 +119,7 @@ class LongDrive:
     def digest(self) -> str:
         """SHA-256 of the State and of the whole Frame."""
         saved = self.world.save()
-        parts = [*(column.tobytes() for column in saved.state), *bytes_of(saved.frame)]
+        parts = [*(column.tobytes() for column in columns_of(saved.row)), *bytes_of(saved.frame)]
         return hashlib.sha256(b"|".join(parts)).hexdigest()
 
 

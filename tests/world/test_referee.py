@@ -13,7 +13,7 @@ from autodrive.base.transforms import quaternion_from_euler, rotate
 from autodrive.protocol.messages import BackOnRoad, Collision, Command, Event, Frame, OffRoad
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.referee import any_wheel_outside
+from autodrive.world.rules.road import any_wheel_outside
 
 MASS = 1.75
 NOSE = 0.23

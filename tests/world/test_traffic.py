@@ -18,16 +18,16 @@ from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, 
 from autodrive.scenario.files import read_scenario
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.world import World
-from autodrive.world.traffic.drive import (
+from autodrive.world.rules.traffic.drive import (
     ACCELERATION,
     BRAKING,
     HEADWAY,
     JAM_GAP,
     LOOK,
     STOP_MARGIN,
+    Drivers,
     idm_acceleration,
 )
-from autodrive.world.traffic.traffic import Traffic
 
 SIZE, WHEELBASE, WIDTH = 0.3, 0.14154, 0.175
 FRONT = 0.5 * (WHEELBASE + SIZE)
@@ -54,14 +54,14 @@ def run(world: World, ticks: int) -> Frame:
     return world.frame
 
 
-def traffic_of(world: World) -> Traffic:
-    assert world.traffic is not None
-    return world.traffic
+def drivers_of(world: World) -> Drivers:
+    """The columns of the drivers of the traffic."""
+    return Drivers(*(column[0] for column in world.rows.worlds.rules.traffic))
 
 
 def place_on_link(world: World, name: str, link: int, at: float) -> None:
     """Place a car with its front axle there, in the direction of the link."""
-    roads = traffic_of(world).roads
+    roads = world.compiled.fleet.roads
     first = int(roads.point_first[link])
     x, y, tx, ty = roads.points[first + round(at / roads.spacing[link])].tolist()
     world.teleport(name, x - WHEELBASE * tx, y - WHEELBASE * ty, math.atan2(ty, tx))
@@ -98,12 +98,12 @@ def test_cars_behind_a_slow_leader_keep_the_gap_of_the_model() -> None:
     world = world_of("oval", cars=2)
     place_on_link(world, "traffic_1", 0, 1.0)
     place_on_link(world, "traffic_2", 0, 0.4)
-    drivers = traffic_of(world).drivers
+    drivers = drivers_of(world)
     drivers.desired[:] = 0.2, 0.4
     run(world, 6000)
     speed = world.compiled.state.vehicle_velocity[1:, 0]
     assert speed == pytest.approx([0.2, 0.2], abs=0.004)
-    length = traffic_of(world).roads.length[drivers.link[0]]
+    length = world.compiled.fleet.roads.length[drivers.link[0]]
     gap = (drivers.at[0] - drivers.at[1]) % length - SIZE
     expected = (JAM_GAP + 0.2 * HEADWAY) / math.sqrt(1.0 - (0.2 / 0.4) ** 4)
     assert gap == pytest.approx(expected, abs=0.01)
@@ -113,7 +113,7 @@ def test_a_car_stops_behind_a_standing_car_of_the_user_and_goes_on_when_it_has_l
     world = world_of("oval", cars=1)
     place_on_link(world, "traffic_1", 0, 0.5)
     place_on_link(world, "V1", 0, 2.0)
-    desired = float(traffic_of(world).drivers.desired[0])
+    desired = float(drivers_of(world).desired[0])
     gap = math.dist(front_axle(world.frame, "V1"), front_axle(world.frame, "traffic_1")) - SIZE
     frame = run(world, 3000)
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
@@ -145,8 +145,8 @@ def test_a_car_that_appears_within_reach_of_the_brakes_is_not_hit(seed: int) -> 
     rng = np.random.default_rng(seed)
     world = world_of("oval", cars=1, seed=seed)
     run(world, int(rng.integers(200, 900)))
-    drivers = traffic_of(world).drivers
-    roads = traffic_of(world).roads
+    drivers = drivers_of(world)
+    roads = world.compiled.fleet.roads
     link = int(drivers.link[0])
     ahead = SIZE + rng.uniform(0.12, LOOK)  # 0.4 m/s and tyres that hold 5 m/s^2 stop within 2 cm
     place_on_link(world, "V1", link, float((drivers.at[0] + ahead) % roads.length[link]))
@@ -230,7 +230,7 @@ class Drive(NamedTuple):
 def town() -> Drive:
     """90 s."""
     world = world_of()
-    names, drivers = traffic_of(world).names, traffic_of(world).drivers
+    names, drivers = world.compiled.fleet.names, drivers_of(world)
     events: list[Any] = []
     rows = []
     for _ in range(9000):
@@ -303,7 +303,7 @@ def test_a_car_gives_way_to_a_car_of_the_user_on_the_major_road() -> None:
 
 def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int, float]:
     """The link that ends there, and the place so far before its end."""
-    roads = traffic_of(world).roads
+    roads = world.compiled.fleet.roads
     for link in range(roads.link_count):
         if math.dist(roads.points[roads.point_first[link + 1] - 1, :2], end) < 1e-6:
             return link, float(roads.length[link]) - before
@@ -374,7 +374,7 @@ def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:
 
     free = [world.step() and is_lit() for _ in range(100)]
     assert not any(free)
-    place_on_link(world, "V1", 0, float(traffic_of(world).drivers.at[0]) + 1.2)
+    place_on_link(world, "V1", 0, float(drivers_of(world).at[0]) + 1.2)
     speed, lit = [], []
     for _ in range(900):
         speed.append(world.step().vehicles["traffic_1"].speed)
@@ -394,7 +394,7 @@ def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:
 def test_indicators_say_where_a_car_turns(town: Drive) -> None:
     """From 2.1 m before a turn until its end; against the heading before and after, and without a turn none."""
     turned = {Indicators.LEFT: 0, Indicators.RIGHT: 0}
-    roads = traffic_of(town.world).roads
+    roads = town.world.compiled.fleet.roads
     for c in range(12):
         before, first, shown = -1, 0.0, set[int]()
         for tick, (link, at, yaw) in enumerate(zip(town.link[:, c], town.at[:, c], town.yaw[:, c], strict=True)):

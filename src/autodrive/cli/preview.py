@@ -22,13 +22,12 @@ from autodrive.graphics.render.scene import RenderScene
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
 from autodrive.scenario.maps.draw import module_alone
-from autodrive.scenario.maps.light_programs import all_programs
 from autodrive.scenario.maps.map import Map, load_map
 from autodrive.scenario.maps.solids import BoxPlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.factory import compile_scenario
-from autodrive.world.traffic_lights import TrafficLights
+from autodrive.world.rules.lights import frames_at_start
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -115,8 +114,7 @@ def _initial_state(compiled: CompiledScenario) -> RenderState:
         row["position"] = places[name].x, places[name].y, spec.ride_height
         row["orientation"] = quaternion_from_yaw(places[name].yaw)
     _place_boxes(state, compiled.boxes)
-    programs = all_programs(compiled.map.light_programs, compiled.spec.light_programs)
-    state.show(TrafficLights(compiled.map.traffic_lights, programs, compiled.spec.tick).at(0, None))
+    state.show(frames_at_start(compiled))
     return state
 
 

@@ -29,7 +29,7 @@ WHEEL_CONTACT = columns(
 
 
 class VehicleContacts(NamedTuple):
-    """What the vehicles touched during a tick. Filled by `advance`, read and cleared by the referee.
+    """What the vehicles touched during a tick. Filled by `advance`, read and cleared by the rule of collisions.
 
     Solid 0 is the floor, solid 1 + s the shape s of the Model.
     """

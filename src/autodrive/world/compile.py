@@ -18,14 +18,14 @@ from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
-from autodrive.physics.model import Model, ShapeTable, Table
+from autodrive.physics.model import Model, ShapeTable
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
-from autodrive.physics.weather import TARGETS, detection_range, extinction, road, sight, wet_reflectivity
-from autodrive.protocol.messages import Weather, WeatherEffects
+from autodrive.physics.weather import TARGETS
+from autodrive.protocol.messages import Weather
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.light_programs import all_programs, program_problems
@@ -33,16 +33,15 @@ from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.maps.placing import PlacingProblem
 from autodrive.scenario.maps.solids import fixed_shapes
-from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
-from autodrive.scenario.vehicles.parameters import surface_of, vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings, traffic_warnings
 from autodrive.world.racing import Race
-from autodrive.world.traffic.start import with_traffic
-from autodrive.world.traffic_lights import StopLineTable, stop_line_table
+from autodrive.world.rules.traffic.start import with_traffic
+from autodrive.world.rules.traffic.traffic import Fleet
 
 
 @dataclass(frozen=True)
@@ -78,16 +77,12 @@ class CompiledScenario:
     """What is wrong with a map that is being built, but can be simulated."""
     race: Race | None
     """None if the scenario has none."""
+    fleet: Fleet
+    """The traffic."""
     owners: list[str]
     """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
     warnings: list[Problem]
     """Probable mistakes that can be simulated."""
-
-    @property
-    def stop_line_table(self) -> StopLineTable:
-        """The stop lines of the map, and the vehicles that cross them."""
-        lengths = [(one.front, one.size[0]) for one in self.vehicles.values()]
-        return stop_line_table(self.map.stop_lines, lengths, self.map.traffic_lights)
 
 
 def compile_specs(specs: Specs) -> CompiledScenario:
@@ -195,6 +190,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         boxes=boxes,
         map_problems=map_problems,
         race=race,
+        fleet=Fleet(spec, map_, vehicles, [(objects[box.name], box.size) for box in boxes], model.vehicles),
         owners=owners,
         warnings=warnings,
     )
@@ -202,59 +198,6 @@ def compile_specs(specs: Specs) -> CompiledScenario:
 
 def _refusal(problems: list[Problem], warnings: list[Problem]) -> SpecProblems:
     return SpecProblems([*problems, *(("warning: ", *one) for one in warnings)])
-
-
-def set_factors(
-    c: CompiledScenario, factors: Mapping[str, Mapping[str, float]]
-) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
-    """Set the tables of the Model and the noise of the sensors in place; see `World.set_factors`.
-
-    Returns scenario and vehicles with these factors.
-    """
-    of = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
-    vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
-    for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
-        row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
-    grips = [c.spec.vehicles[name].grip_factor * its["grip"] for name, its in of.items()]
-    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, Weather())
-    c.sensors.set_noise_factors([its["noise"] for its in of.values()])
-    placed = {
-        name: place.model_copy(
-            update={f"{kind}_factor": getattr(place, f"{kind}_factor") * one for kind, one in of[name].items()}
-        )
-        for name, place in c.spec.vehicles.items()
-    }
-    return c.spec.model_copy(update={"vehicles": placed}), vehicles
-
-
-def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) -> WeatherEffects:
-    """What that weather means for a vehicle; its LIDAR sees no farther than its `range_max`."""
-    wetness, lost, lidar = weather.wetness or 0.0, extinction(weather), vehicle.sensors.lidar
-
-    def seen(reflectivity: float) -> float | None:
-        if lidar is None:
-            return None
-        wet = reflectivity + wetness * (wet_reflectivity(reflectivity) - reflectivity)
-        return min(lidar.range_max, detection_range(wet, lost, lidar.range_max, lidar.rated_reflectivity))
-
-    return WeatherEffects(road(surface_of(vehicle, ground), weather).grip, sight(weather), seen(0.1), seen(0.8))
-
-
-def wheels_in(c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather) -> Table:
-    """`Model.wheels` in that weather, as `set_weather` sets it."""
-    grips = [placement.grip_factor for placement in spec.vehicles.values()]
-    return wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
-
-
-def set_weather(
-    c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather, seed: int
-) -> None:
-    """Set the tyres and the LIDARs for that weather; `spec`, `vehicles`: with the factors of `set_factors`.
-
-    `seed`: of the last reset.
-    """
-    c.model.wheels[:] = wheels_in(c, spec, vehicles, weather)
-    c.sensors.set_weather(weather, seed)
 
 
 def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:

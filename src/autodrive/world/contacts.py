@@ -48,7 +48,7 @@ def shapes_of(compiled: CompiledScenario) -> Shapes:
 
 
 def contact_forces(compiled: CompiledScenario, duration: float) -> dict[str, ContactForces]:
-    """What pushes each vehicle, after a tick of that `duration` [s] and before the referee has seen its contacts."""
+    """What pushes each vehicle, after a tick of that `duration` [s] and before the rules have judged its contacts."""
     c = compiled
     pairs = c.contacts.pairs[: c.contacts.pair_count[0]].tolist()
     found: dict[str, ContactForces] = {}

@@ -21,6 +21,7 @@ from autodrive.protocol.messages import (
     Pose,
     RaceState,
     TrafficLightFrame,
+    V2xReading,
     VehicleFrame,
     Weather,
     WeatherEffects,
@@ -41,14 +42,14 @@ class FrameBuilder:
         self.weather_effects: WeatherEffects | None = None
         self._own_sensors = compiled.own_sensors
         self._numbers = numbers(compiled.state)
-        self._qpos = compiled.state.qpos
+        self._state, self._qpos = compiled.state, compiled.state.qpos
         self._sensors = compiled.sensors
         self._objects = compiled.objects
         where = places(compiled.state)
         self._places = [_places_of(where, i) for i in range(len(compiled.vehicles))]
-        self._blink_ticks = [
-            (name, vehicle.lights.blink_period, compiled.spec.tick) for name, vehicle in compiled.vehicles.items()
-        ]
+        self._names = list(compiled.vehicles)
+        self._blink_periods = [vehicle.lights.blink_period for vehicle in compiled.vehicles.values()]
+        self._tick_duration = compiled.spec.tick
         traffic = set(compiled.spec.traffic.names)
         self._is_traffic = [name in traffic for name in compiled.vehicles]
         self._lights: list[tuple[object, Lights | None]] = [(None, None) for _ in compiled.vehicles]
@@ -66,6 +67,7 @@ class FrameBuilder:
         *,
         races: Sequence[RaceState] | None = None,
         traffic_lights: dict[str, TrafficLightFrame],
+        heard: Sequence[V2xReading],
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
         frame = Frame(
@@ -75,12 +77,13 @@ class FrameBuilder:
                 {
                     name: self._vehicle_frame(
                         i,
+                        tick,
                         controls[i],
-                        (tick - controls[i].indicators_since) * duration / period,
                         collision_counts[i],
                         races[i] if races else None,
+                        heard[i] if heard else None,
                     )
-                    for i, (name, period, duration) in enumerate(self._blink_ticks)
+                    for i, name in enumerate(self._names)
                 }
             ),
             objects={name: ObjectFrame(_pose(self._qpos, start)) for name, start in self._objects.items()},
@@ -96,16 +99,15 @@ class FrameBuilder:
     def _vehicle_frame(
         self,
         i: int,
+        tick: int,
         controls: VehicleControls,
-        blinks: float,
         collision_count: int,
         race: RaceState | None,
+        heard: V2xReading | None,
     ) -> VehicleFrame:
-        """`blinks`: periods of the indicators since they were switched on."""
         values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
         values.setflags(write=False)
-        throttle, steering, rear_left_spin, rear_right_spin = values[SCALARS].tolist()
-        is_reversing = throttle < 0.0 or 0.5 * (rear_left_spin + rear_right_spin) < REVERSE_SPEED
+        throttle, steering, *rear_spins = values[SCALARS].tolist()
         position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
         return VehicleFrame(
             pose=Pose(position, orientation),
@@ -113,23 +115,34 @@ class FrameBuilder:
             angular_velocity=angular_velocity,
             throttle=throttle,
             steering=steering,
-            lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0 or controls.is_braking, is_reversing),
+            lights=self._lit_lamps(i, tick, controls, throttle, rear_spins),
             wheels=WheelsReading(*wheels),
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             race=race,
             own=self._own_sensors.readings(i) if self._own_sensors.placed else {},
             is_traffic=self._is_traffic[i],
+            v2x=heard,
             **self._sensors.readings(i),
         )
 
+    def lamps(self, tick: int, controls: Sequence[VehicleControls]) -> list[Lights]:
+        """The lamps of all vehicles at that tick."""
+        throttle, spin = self._state.throttle.tolist(), self._state.wheel_angular_velocity.reshape(-1, 4).tolist()
+        return [self._lit_lamps(i, tick, controls[i], throttle[i], spin[i][2:]) for i in range(len(self._names))]
+
     def _lit_lamps(
-        self, i: int, controls: VehicleControls, blink_phase: float, is_braking: bool, is_reversing: bool
+        self, i: int, tick: int, controls: VehicleControls, throttle: float, rear_spins: Sequence[float]
     ) -> Lights:
-        key = controls.headlights, controls.indicators, blink_phase >= 0.5, is_braking, is_reversing
+        """The lamps of vehicle i; `rear_spins`: angular velocities of its rear wheels [rad/s]."""
+        left, right = rear_spins
+        is_reversing = throttle < 0.0 or 0.5 * (left + right) < REVERSE_SPEED
+        is_braking = throttle == 0.0 or controls.is_braking
+        blinks = (tick - controls.indicators_since) * self._tick_duration / self._blink_periods[i]
+        key = controls.headlights, controls.indicators, blinks % 1.0 >= 0.5, is_braking, is_reversing
         before, lights = self._lights[i]
         if lights is None or key != before:
-            lights = lit_lamps(controls.headlights, controls.indicators, blink_phase, is_braking, is_reversing)
+            lights = lit_lamps(controls.headlights, controls.indicators, blinks % 1.0, is_braking, is_reversing)
             self._lights[i] = key, lights
         return lights
 

@@ -10,13 +10,12 @@ import numpy as np
 
 from autodrive.base.errors import SnapshotError
 from autodrive.physics.model import Table
-from autodrive.physics.state import State
 from autodrive.physics.weather import ChangingWeather
-from autodrive.protocol.messages import Frame, TrafficLightState
+from autodrive.protocol.messages import Frame
 from autodrive.scenario.maps.light_programs import all_programs
+from autodrive.world.columns import Worlds, columns_of, each_column
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
-from autodrive.world.light import SceneLight
 
 
 class Snapshot(NamedTuple):
@@ -24,20 +23,13 @@ class Snapshot(NamedTuple):
 
     world: str
     """Identity of the world, the same for all worlds that the snapshot fits."""
-    tick: int
     seed: int
-    state: State
-    referee: Any
-    traffic_lights: dict[str, TrafficLightState]
-    stop_lines: Any
+    row: Worlds
+    """Of the World; see `columns.saved_row`."""
     race: Any
-    v2x: Any
-    sensors: Any
     own_sensors: Any
     cameras: Any
     controls: Sequence[VehicleControls]
-    traffic: Any
-    light: SceneLight
     weather: ChangingWeather
     held: dict[str, tuple[float, ...]]
     frame: Frame
@@ -57,8 +49,8 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 
-def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_cameras: bool) -> None:
-    """Raises `SnapshotError` unless it is a snapshot that fits the world with this identity, map and State.
+def check_snapshot(saved: object, world: str, map_: str, row: Worlds, *, needs_cameras: bool) -> None:
+    """Raises `SnapshotError` unless it is a snapshot that fits the world with this identity, map and row.
 
     `needs_cameras`: the world has cameras, whose state the snapshot must contain.
     """
@@ -69,10 +61,14 @@ def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_
             "the snapshot is of another world: scenario, vehicles, map, sensors and version of the engine must be "
             f"the same as in this world of map '{map_}'"
         )
-    columns = zip(saved.state, state, strict=True)
-    if any(kept.shape != own.shape or kept.dtype != own.dtype for kept, own in columns):
+    try:
+        fits = each_column(lambda kept, own: kept.shape == own.shape and kept.dtype == own.dtype, saved.row, row)
+        is_same = all(columns_of(fits))
+    except (AttributeError, TypeError, ValueError):
+        is_same = False
+    if not is_same:
         raise SnapshotError("the state of the snapshot has other shapes than that of this world")
-    if not np.isfinite(np.frombuffer(b"".join([column.tobytes() for column in saved.state]))).all():
+    if not np.isfinite(np.frombuffer(b"".join([column.tobytes() for column in saved.row.state]))).all():
         raise SnapshotError("the state of the snapshot has numbers that are not finite")
     if saved.cameras is None and needs_cameras:
         raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")

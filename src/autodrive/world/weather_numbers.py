@@ -13,7 +13,7 @@ from autodrive.scenario.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.vehicles.parameters import surface_of
 from autodrive.scenario.vehicles.spec import TyreWeatherSpec, VehicleSpec
 from autodrive.world.batch import BatchWorld
-from autodrive.world.compile import weather_effects
+from autodrive.world.conditions import weather_effects
 
 BRAKING = {"nigel": 0.4, "roboracer": 8.0}
 """Vehicles whose stopping distances are given, and their speeds [m/s]."""

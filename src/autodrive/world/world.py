@@ -15,8 +15,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from autodrive.base.arrays import Floats
+from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.jit import resolved
+from autodrive.base.pinned import Pinned
 from autodrive.base.transforms import (
     Quaternion,
     Vector,
@@ -25,8 +27,8 @@ from autodrive.base.transforms import (
     yaw_from_quaternion,
 )
 from autodrive.physics.sensors.own import OwnSensor, problem
-from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
-from autodrive.physics.tick import advance, place
+from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, numbers
+from autodrive.physics.tick import place
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, check_weather, is_number
 from autodrive.protocol.drawing import DrawCalls, drawn_after
@@ -43,28 +45,27 @@ from autodrive.protocol.messages import (
     SetTimeOfDay,
     SetTrafficLight,
     SetWeather,
-    TrafficLightFrame,
     TrafficLightState,
     Weather,
 )
 from autodrive.protocol.native import ContactForces, Drawn
 from autodrive.protocol.weather import is_clear
 from autodrive.scenario import FACTOR_LIMITS
-from autodrive.scenario.maps.light_programs import all_programs
-from autodrive.world.compile import CompiledScenario, set_factors, set_weather, weather_effects, wheels_in
+from autodrive.world.columns import Rows, restore_row, rows_of_world, saved_row, without_tables
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.conditions import set_factors, set_weather, weather_effects, wheels_in
 from autodrive.world.contacts import contact_forces
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
-from autodrive.world.light import SceneLight
 from autodrive.world.observer import Observer, Request, ResetTo, Restored, SensorAdded, SetPoses, hold, plain
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
-from autodrive.world.referee import Referee
+from autodrive.world.rules import daylight, lights, radio, rules, stop_lines
+from autodrive.world.rules.daylight import SceneLight
+from autodrive.world.rules.traffic.rule import switch_lamps
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
-from autodrive.world.traffic.traffic import Traffic
-from autodrive.world.traffic_lights import StopLineReferee, TrafficLights
-from autodrive.world.v2x import V2xChannel
+from autodrive.world.tick import drive_traffic, judge, move, sense, show_lights
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
@@ -104,7 +105,6 @@ class World(OneThread):
         """What pushed each vehicle in the last tick, while `watch_contacts` is on."""
         self.watches_contacts = False
         """See `watch_contacts`."""
-        self._always_engine = engine == "always"
         self.compiled = compiled
         """Model, State and engine; what changes them changes the results."""
         self._cameras = cameras
@@ -139,27 +139,17 @@ class World(OneThread):
         )
         self.race = compiled.race
         """The race of the scenario; None if it has none."""
-        self._referee = Referee(
-            self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
-        )
-        programs = all_programs(compiled.map.light_programs, compiled.spec.light_programs)
-        self._traffic_lights = TrafficLights(compiled.map.traffic_lights, programs, compiled.spec.tick)
-        lines = compiled.map.stop_lines
-        self._stop_lines = StopLineReferee(self.vehicle_names, lines, compiled.stop_line_table) if lines else None
-        self.traffic = None
-        """The drivers of the traffic; None without any."""
-        if compiled.spec.traffic.cars:
-            c = compiled
-            boxes = [(c.objects[name], box.size) for name, box in self.boxes.items()]
-            self.traffic = Traffic(c.spec, c.map, c.vehicles, boxes, c.model, c.state)
-        self._v2x = _channel(compiled)
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
-        c, controls = compiled, self._controls
-        self._moved = c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering
-        """The first arguments of `advance`."""
-        c.sensors.compile_ahead()  # beside `advance`, which takes as long to compile
-        self._advance = resolved(advance, *self._moved, 0, 0, self._always_engine)
+        self.rows = rows_of_world(compiled, self._controls.throttle, self._controls.steering, engine)
+        """All numbers of the tick; what changes them changes the results."""
+        self._pinned = Pinned(self.rows)
+        self._row = self.rows.worlds.rules
+        compile_ahead(sense, self._pinned, 0)  # beside `move`, which takes as long to compile
+        self._move, self._judge = resolved(move, self._pinned, 0), resolved(judge, self._pinned, 0)
+        self._sense = resolved(sense, self._pinned, 0)
+        self._drive_traffic = resolved(drive_traffic, self._pinned, 0) if compiled.fleet.names else None
+        self._show_lights = resolved(show_lights, self._pinned, 0) if compiled.map.traffic_lights else None
         self.reset()
 
     def __repr__(self) -> str:
@@ -208,14 +198,14 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
-        if self.traffic is not None:
-            self.traffic.drive(self._tick, self._lights_now(), controls.throttle, controls.steering)
-            self.traffic.show(controls.vehicles, self._tick, is_day=self.scene_light)
+        if self._drive_traffic is not None:
+            self._drive_traffic(self._pinned, 0)
+            self._switch_lamps()
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self._follows_weather and self._tick % self._weather_ticks == 0:
             self._apply_weather()
-        is_sound = self._advance(*self._moved, self._tick * self._substeps, self._substeps, self._always_engine)
+        is_sound = self._move(self._pinned, 0)
         self._tick += 1
         time = self.time
         if self._poses.held:
@@ -227,15 +217,14 @@ class World(OneThread):
             )
         if self.watches_contacts:
             self.contact_forces = contact_forces(c, self.tick_duration)
-        events = self._referee.judge(self._tick, time, c.model, c.state, c.contacts)
+        events: tuple[Event, ...] = ()
+        if self._judge(self._pinned, 0):
+            events = tuple(rules.events(c, self._row, self.rows.thread.rules, time))
         is_moved = False
         if race is not None:
             news, moves = race.judge(time, c.state.vehicle_position, events)
             events += tuple(news)
-            is_moved = bool(moves) and self._move(moves)
-        if self._stop_lines is not None:
-            places = c.state.vehicle_position, c.state.vehicle_orientation, c.state.vehicle_velocity
-            events += tuple(self._stop_lines.judge(time, *places, self._lights_now))
+            is_moved = bool(moves) and self._set_back(moves)
         self._sample()
         if commands is not None:
             for observer in self.observers:
@@ -257,17 +246,17 @@ class World(OneThread):
         seed or weather, and for a pose that is wrong or overlaps something; then nothing has changed.
         """
         self._check_open()
+        c = self.compiled
         if seed is not None:
             check_seed(seed)
         if weather is not None:
             check_weather(weather)
         on_ground = {} if poses is None else self._start_poses(poses)
-        if self.traffic is not None:
+        if c.fleet.names:
             on_ground = self._traffic_starts(self._seed if seed is None else int(seed), on_ground) | on_ground
         start = self._poses.start(self._start, on_ground) if on_ground else self._start
         if seed is not None:
             self._seed = int(seed)
-        c = self.compiled
         c.engine.forget_warnings()
         numbers(c.state)[:] = 0.0
         c.state.qpos[:] = start
@@ -276,19 +265,13 @@ class World(OneThread):
         c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0
-        self._tick = 0
+        self._set_tick(0)
         self.drawings, self.contact_forces = {}, {}
         self._controls.reset()
-        if self.traffic is not None:
-            self.traffic.reset(self._seed)
-        self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
-        if self.traffic is not None:
-            self.traffic.show(self._controls.vehicles, 0, is_day=self.scene_light)
+        rules.begin(c, self._row, rules.FIRST, [self._seed])
+        self._light = daylight.light_of(self._row.daylight)
+        self._switch_lamps()
         self._poses.held = {}
-        self._referee.reset()
-        self._traffic_lights.set_states = {}
-        if self._stop_lines is not None:
-            self._stop_lines.reset()
         place(c.model, c.state, c.views)
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
@@ -296,10 +279,10 @@ class World(OneThread):
         self._weather = ChangingWeather.settled(self.spec.weather.message if weather is None else weather)
         self._apply_weather(is_reset=True)
         c.own_sensors.reset(self._seed)
-        if self._v2x is not None:
-            self._v2x.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
+        self._heard = radio.readings(c, self._row.radio)
+        self._show_lights_now()
         self._sample()
         self._tell(lambda: ResetTo(seed, plain(poses or {}), weather) if poses or weather else Reset(seed))
         return self._show()
@@ -336,14 +319,14 @@ class World(OneThread):
 
     def _traffic_starts(self, seed: int, placed: Mapping[str, Floats]) -> dict[str, Floats]:
         """Where the traffic starts with that seed, away from other vehicles and objects; `placed`: those elsewhere."""
-        assert self.traffic is not None
+        fleet = self.compiled.fleet
         others: list[tuple[float, float]] = []
         for name in (*self.vehicle_names, *self.boxes):
-            if name not in self.traffic.names:
+            if name not in fleet.names:
                 qpos = self.compiled.engine.body(name)[1]
                 x, y = placed.get(name, self._start[qpos : qpos + 2])[:2]
                 others.append((float(x), float(y)))
-        starts = self.traffic.start_poses(seed, others)
+        starts = fleet.start_poses(seed, others)
         return {name: self._on_ground(name, *pose) for name, pose in starts.items()}
 
     def _on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
@@ -424,25 +407,22 @@ class World(OneThread):
         for name, column, old in zip(State._fields, c.state, b.state, strict=True):
             if name not in BODY_COLUMNS and not name.startswith("shape_"):
                 column[:] = old
-        self._tick, self._seed = before._tick, before._seed
-        self._light, self._poses.held = before._light, dict(before._poses.held)
+        self._set_tick(before._tick)
+        self._seed = before._seed
+        self._poses.held = dict(before._poses.held)
         self._weather = before._weather
         self.drawings = before.drawings
         self._controls.restore(before._controls.save())
-        if self.traffic is not None and before.traffic is not None:
-            self.traffic.continue_from(before.traffic)
-        self._referee.restore(before._referee.save())
-        self._traffic_lights.restore(before._traffic_lights.set_states)
-        if self._stop_lines is not None and self.map.stop_lines == before.map.stop_lines:
-            assert before._stop_lines is not None
-            self._stop_lines.restore(before._stop_lines.save())
+        rules.take_over(c, self._row, b, before._row, self._seed)
+        self._light = before._light
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
-        if self._v2x is not None:
-            self._v2x.reset(self._seed)  # of messages under way and heard ones, none is left
         place(c.model, c.state, c.views)
         self._apply_weather()
-        c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
+        starting = c.sensors.take_over(b.sensors, self._seed, self._tick * self._substeps)
+        self._show_lights_now()
+        self._sense_with(Pinned(self.rows._replace(sensors=starting)))
+        c.sensors.read()
         c.own_sensors.continue_from(b.own_sensors)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
@@ -501,7 +481,7 @@ class World(OneThread):
             status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
             event, moves = self.race.end(i, status, reason, self.time, self.compiled.state.vehicle_position)
             self._tell(lambda: Retire(vehicle, reason, is_disqualified))
-            self._show((event,), is_moved=self._move(moves))
+            self._show((event,), is_moved=self._set_back(moves))
 
     @property
     def scene_light(self) -> bool:
@@ -575,8 +555,8 @@ class World(OneThread):
 
         Raises `CommandError` for an unknown light and for a value that is no state.
         """
-        self._traffic_lights.set(light, state)
-        given = None if state is None else TrafficLightState(state)
+        given = lights.set_light(self.map.traffic_lights, self._row.lights, light, state)
+        self._show_lights_now()
         self._tell(lambda: SetTrafficLight(light, given))
         self._show(is_moved=True)
 
@@ -601,6 +581,8 @@ class World(OneThread):
     def _set_light(self, light: SceneLight) -> None:
         before = self.scene_light, self.time_of_day
         self._light = light
+        daylight.write(self._row.daylight, 0, light)
+        self._show_lights_now()
         self._show(is_moved=before != (self.scene_light, self.time_of_day))
 
     @by_one_thread
@@ -609,20 +591,12 @@ class World(OneThread):
         c = self.compiled
         return Snapshot(
             world=self._identity,
-            tick=self._tick,
             seed=self._seed,
-            state=copied(c.state),
-            referee=self._referee.save(),
-            traffic_lights=dict(self._traffic_lights.set_states),
-            stop_lines=self._stop_lines and self._stop_lines.save(),
+            row=saved_row(self.rows.worlds),
             race=self.race and self.race.save(),
-            v2x=self._v2x and self._v2x.save(),
-            sensors=c.sensors.save(),
             own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
-            traffic=self.traffic and self.traffic.save(),
-            light=self._light,
             weather=self._weather,
             held=dict(self._poses.held),
             frame=self.frame,
@@ -638,34 +612,27 @@ class World(OneThread):
             saved,
             self._identity,
             self.spec.map_name,
-            self.compiled.state,
+            without_tables(self.rows.worlds),
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
         c = self.compiled
         c.own_sensors.check(saved.own_sensors)
         c.engine.forget_warnings()
-        self._tick, self._seed = saved.tick, saved.seed
+        self._seed = saved.seed
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0
-        for column, kept in zip(c.state, saved.state, strict=True):
-            column[:] = kept
-        self._referee.restore(saved.referee)
-        self._traffic_lights.restore(saved.traffic_lights)
-        if self._stop_lines is not None:
-            self._stop_lines.restore(saved.stop_lines)
+        restore_row(self.rows.worlds, saved.row)
+        self._tick = int(self.rows.worlds.tick[0])
         if self.race is not None:
             self.race.restore(saved.race)
-        if self._v2x is not None:
-            self._v2x.restore(saved.v2x)
-        c.sensors.restore(saved.sensors)
+        c.sensors.restore(saved.frame.vehicles.values())
         c.own_sensors.restore(saved.own_sensors)
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
-        if self.traffic is not None:
-            self.traffic.restore(saved.traffic)
-        self._light, self._poses.held = saved.light, dict(saved.held)
-        self._weather = saved.weather
+        self._light = daylight.light_of(self._row.daylight)
+        self._heard = radio.readings(c, self._row.radio)
+        self._poses.held, self._weather = dict(saved.held), saved.weather
         self._apply_weather()
         self._tell(Restored)
         return self._publish(saved.frame)
@@ -704,7 +671,7 @@ class World(OneThread):
 
     # -- parts of a tick -----------------------------------------------------------------------------------------
 
-    def _move(self, moves: Sequence[Move]) -> bool:
+    def _set_back(self, moves: Sequence[Move]) -> bool:
         """Place vehicles where the rules of the race want them; whether one was placed."""
         is_moved = False
         for i, poses in moves:
@@ -721,8 +688,7 @@ class World(OneThread):
         """Vehicle i was placed by hand: it has crossed no line."""
         if self.race is not None:
             self.race.moved(i, self.compiled.state.vehicle_position)
-        if self._stop_lines is not None:
-            self._stop_lines.reset(i)
+        stop_lines.forget(self._row.stop_lines, i)
 
     def _ground_poses(self) -> list[tuple[float, float, float]]:
         """x, y [m] and heading [rad] of the vehicles."""
@@ -734,11 +700,34 @@ class World(OneThread):
             )
         ]
 
+    def _set_tick(self, tick: int) -> None:
+        self._tick = tick
+        self.rows.worlds.tick[0] = tick
+
+    def _switch_lamps(self) -> None:
+        """Let the traffic switch its lamps."""
+        switch_lamps(
+            self.rows.rules.traffic, self._row.traffic, self._controls.vehicles, self._tick, is_day=self.scene_light
+        )
+
+    def _show_lights_now(self) -> None:
+        """Let the traffic lights follow a change between two ticks."""
+        if self._show_lights is not None:
+            self._show_lights(self._pinned, 0)
+
     def _sample(self) -> None:
-        now = self._tick * self._substeps
-        self.compiled.sensors.sample(now)
+        """Sample all sensors that are due, and let the radio send and deliver."""
+        self._sense_with(self._pinned)
+        self.compiled.sensors.read()
         if self.compiled.own_sensors.placed:
-            self.compiled.own_sensors.sample(now)
+            self.compiled.own_sensors.sample(self._tick * self._substeps)
+
+    def _sense_with(self, pinned: Pinned[Rows]) -> None:
+        if self.spec.v2x is not None:
+            lamps = self._frames.lamps(self._tick, self._controls.vehicles)
+            self.rows.thread.rules.radio.messages[: len(lamps), radio.LAMPS] = [*map(radio.lamps_number, lamps)]
+        if self._sense(pinned, 0):
+            self._heard = radio.readings(self.compiled, self._row.radio)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
@@ -748,20 +737,15 @@ class World(OneThread):
             self._tick,
             time,
             self._controls.vehicles,
-            self._referee.collision_counts,
+            self._row.collisions.total[0].tolist(),
             events,
             scene_light,
             time_of_day,
             races=self.race and self.race.states(time),
-            traffic_lights=self._traffic_lights.at(self._tick, time_of_day) if self._traffic_lights else {},
+            traffic_lights=lights.frames(self.map.traffic_lights, self._row.lights),
+            heard=self._heard,
         )
-        if self._v2x is not None:
-            frame = self._v2x.heard(frame)
         return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))
-
-    def _lights_now(self) -> dict[str, TrafficLightFrame]:
-        """What the traffic lights show."""
-        return self._traffic_lights.at(self._tick, self.time_of_day)
 
     def _publish(self, frame: Frame) -> Frame:
         """Make that the current Frame."""
@@ -774,11 +758,3 @@ class World(OneThread):
         """Tell the observers of a change; it is described only for them."""
         for observer in self.observers:
             observer.executed(request())
-
-
-def _channel(compiled: CompiledScenario) -> V2xChannel | None:
-    """The radio channel of the scenario; None if it has none."""
-    spec = compiled.spec
-    if spec.v2x is None:
-        return None
-    return V2xChannel(spec.v2x, list(compiled.vehicles), compiled.map.light_poses, spec.tick, compiled.state)

@@ -114,20 +114,6 @@ def test_readings_depend_on_the_seed_only() -> None:
     assert not np.array_equal(run(suite_of(), ticks), run(suite_of(seed=4), ticks))
 
 
-@pytest.mark.parametrize("is_rolling", [False, True])
-def test_restored_suite_has_the_same_future(is_rolling: bool) -> None:
-    lidar = LidarSpec(rays=90, rate=40.0, noise=RPLIDAR_A1M8, is_rolling=is_rolling)
-    suite = suite_of(NOISY.model_copy(update={"lidar": lidar}))
-    run(suite, range(0, 330, 10))
-    saved = suite.save()
-    first = run(suite, range(330, 700, 10)), suite.readings(0)["lidar"].ranges
-    suite.reset(99)
-    suite.restore(saved)
-    again = run(suite, range(330, 700, 10)), suite.readings(0)["lidar"].ranges
-    for a, b in zip(first, again, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 def test_sensor_with_a_low_rate_keeps_its_latest_reading() -> None:
     suite = suite_of(SensorSuiteSpec(encoders=EncoderSpec(rate=10.0)))
     run(suite, range(0, 160, 10))

@@ -23,8 +23,8 @@ Variant "own".
 - Observation: motion and goal in the vehicle frame, and what was last heard of each other car: position, direction and
   speed in the vehicle frame, and the age of that message; all about -1 to 1 (`OWN`). Of a car that was not heard yet,
   the age is 1 and the rest is 0.
-- V2V: the radio channel of the scenario (`autodrive.world.v2x`), with `loss` and `delay`. Each car sends its state in
-  every step, or `rate` times a second.
+- V2V: the radio channel of the scenario (`autodrive.world.rules.radio`), with `loss` and `delay`. Each car sends its
+  state in every step, or `rate` times a second.
 - Actions: throttle and steering, or the discrete choices of the other tasks.
 - Reward of a step: how far the car has come towards its goal [m], minus 0.002; 2 for success, -2 if the episode ends
   otherwise.

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,32 +18,27 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.child_process import cpu_count
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import resolved
+from autodrive.base.pinned import Pinned
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.lidar_weather import set_lidar_weather
-from autodrive.physics.sensors.tables import most_rays, sensor_tables, set_noise, start_noise
+from autodrive.physics.sensors.tables import set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
 from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
-from autodrive.scenario.maps.light_programs import all_programs
-from autodrive.scenario.v2x import V2xSpec
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.batch.columns import Rules, Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
-from autodrive.world.batch.tick import begin_worlds, step_worlds
+from autodrive.world.columns import Rows, rows_of_batch
 from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
-from autodrive.world.referee import NEVER, SEPARATION
-from autodrive.world.traffic.drive import Drivers
-from autodrive.world.traffic.traffic import Fleet
-from autodrive.world.traffic_lights import TrafficLights
-from autodrive.world.v2x import begin_radio, channel_of
+from autodrive.world.rules import rules
+from autodrive.world.tick import begin_worlds, step_worlds
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
@@ -103,12 +98,12 @@ class BatchWorld(OneThread):
         self._on_ground = {name: (c.engine.body(name)[1], height) for name, height in heights.items()}
         """Index of the pose of each body in `State.qpos`, and its height on the ground [m]."""
         self._tick = Fraction(str(spec.tick))
-        self._substeps = spec.substeps
-        substep = Fraction(str(spec.substep))
-        self._sensors = sensor_tables(list(c.configured.values()), substep, spec.gravity, c.targets)
-        rays, rolling_rays = most_rays(self._sensors)
-        self._has_rolling_lidar = rolling_rays > 0
-        self.worlds = empty_worlds(c, n, rays, rolling_rays)
+        count = min(threads or cpu_count(), math.ceil(n / BLOCK))
+        self._block = max(BLOCK, n // (BLOCKS * count))
+        self._engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]  # they own the memory of the views
+        rows = rows_of_batch(c, n, self._engines, engine)
+        self._threads = [Pinned(one) for one in rows]
+        self.worlds = rows[0].worlds
         """The States of all worlds; what changes them changes the results."""
         self._time = np.zeros(n)
         self.light_names = c.map.traffic_lights
@@ -127,29 +122,9 @@ class BatchWorld(OneThread):
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
-        count = min(threads or cpu_count(), math.ceil(n / BLOCK))
-        self._block = max(BLOCK, n // (BLOCKS * count))
-        engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
-        self._threads = [new_thread(c, one, rays) for one in engines]
-        self._engines = engines  # they own the memory of the views
         self._pool, self._pool_process = None, 0
-        ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
-        programs = all_programs(c.map.light_programs, spec.light_programs)
-        sizes = [(at, box.size) for at, box in zip(c.objects.values(), c.boxes, strict=True)]
-        self._traffic = Fleet(spec, c.map, c.vehicles, sizes, c.model)
-        self._rules = Rules(
-            owners=np.array([ids[owner] for owner in c.owners], np.int64),
-            edges=c.map.drivable_edges,
-            separation=SEPARATION / spec.tick,
-            lights=TrafficLights(self.light_names, programs, spec.tick).table(spec.time_of_day),
-            stop_lines=c.stop_line_table,
-            roads=self._traffic.roads,
-            bodies=self._traffic.bodies,
-            channel=channel_of(spec.v2x or V2xSpec(), spec.tick),
-        )
-        self._is_always = engine == "always"
-        self._step = resolved(step_worlds, *self._arguments(self._threads[0], 0, 0, 1))
-        self._begin = resolved(begin_worlds, *self._begin_arguments(np.zeros(0, np.int64)))
+        self._step = resolved(step_worlds, self._threads[0], self._is_stepped, 0, 0, 1)
+        self._begin = resolved(begin_worlds, self._threads[0], rules.FIRST)
         self.reset()
 
     def __repr__(self) -> str:
@@ -173,10 +148,10 @@ class BatchWorld(OneThread):
         np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle[:, : values.shape[1]])
         np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering[:, : values.shape[1]])
         if len(self._threads) == 1:
-            self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
+            self._step(self._threads[0], self._is_stepped, 0, self.n, ticks)
         else:
             blocks, pool = itertools.count(0, self._block), self._started_pool()
-            others = [pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
+            others = [pool.submit(self._run, thread, blocks, ticks) for thread in self._threads[1:]]
             self._run(self._threads[0], blocks, ticks)
             for other in others:
                 other.result()
@@ -226,24 +201,17 @@ class BatchWorld(OneThread):
         for column in w.state:
             column[chosen] = 0.0
         w.state.qpos[chosen] = qpos
-        for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.collision_count):
+        for column in (w.tick, w.is_unstable, w.throttle, w.steering):
             column[chosen] = 0
-        w.red_light_count[chosen] = w.stop_sign_count[chosen] = 0
-        w.ahead[chosen], w.has_stopped[chosen] = np.nan, False
-        w.last_contact[chosen] = NEVER
-        w.has_collided[chosen] = w.is_off_road[chosen] = False
+        rules.begin(self.compiled, w.rules, chosen, new_seeds)
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
-            if self.spec.v2x is not None:
-                begin_radio(w.radio, k, self._seeds[k])
-            if self._traffic.names:
-                self._traffic.begin(Drivers._make(column[k] for column in w.drivers), self._seeds[k])
             its_factors = {name: values[row] for name, values in factors.items()}
             self._set_parameters(k, its_factors, own[row], weathers[row], tables)
         for i, motion in moving.items():
             self._set_motion(chosen, i, motion)
-        self._begin(*self._begin_arguments(chosen))
+        self._begin(self._threads[0], chosen)
         return self._show()
 
     def close(self) -> None:
@@ -260,33 +228,12 @@ class BatchWorld(OneThread):
             self._pool, self._pool_process = ThreadPoolExecutor(len(self._threads) - 1, "batch"), os.getpid()
         return self._pool
 
-    def _run(self, thread: Thread, blocks: itertools.count[int], ticks: int) -> None:
+    def _run(self, thread: Pinned[Rows], blocks: itertools.count[int], ticks: int) -> None:
         """Take blocks of worlds until none is left."""
         for first in iter(blocks.__next__, None):
             if first >= self.n:
                 return
-            self._step(*self._arguments(thread, first, min(first + self._block, self.n), ticks))
-
-    def _arguments(self, thread: Thread, first: int, last: int, ticks: int) -> tuple[Any, ...]:
-        c = self.compiled
-        return (
-            c.model,
-            self.worlds,
-            self._is_stepped,
-            thread,
-            self._sensors,
-            self._rules,
-            first,
-            last,
-            ticks,
-            self._substeps,
-            self._is_always,
-            self._has_rolling_lidar,
-        )
-
-    def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
-        c = self.compiled
-        return c.model, self.worlds, self._threads[0], self._sensors, self._rules, chosen, self._substeps
+            self._step(thread, self._is_stepped, first, min(first + self._block, self.n), ticks)
 
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
@@ -474,10 +421,12 @@ class BatchWorld(OneThread):
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
             for row, pose_of_row in zip(qpos, values.tolist(), strict=True):
                 self._place(row, name, *pose_of_row)
-        names = self._traffic.names
+        names = self.compiled.fleet.names
         others = [start for name, (start, _) in self._on_ground.items() if name not in names]
         for row, seed in zip(qpos, seeds, strict=True) if names else ():
-            starts = self._traffic.start_poses(seed, [(x, y) for x, y in (row[at : at + 2].tolist() for at in others)])
+            starts = self.compiled.fleet.start_poses(
+                seed, [(x, y) for x, y in (row[at : at + 2].tolist() for at in others)]
+            )
             for name, start in starts.items():
                 if name not in poses:
                     self._place(row, name, *start)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.physics.sensors.catalog import NUMBERS, VALUES
 from autodrive.physics.sensors.imu import PARTS
-from autodrive.world.batch.columns import Worlds
-from autodrive.world.v2x import CONTENT, LAMPS, TIME_TO_CHANGE
+from autodrive.world.columns import Worlds
+from autodrive.world.rules.radio import CONTENT, LAMPS, TIME_TO_CHANGE
 
 
 class Readings(NamedTuple):
@@ -157,15 +157,15 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         lidar_time=r.time[..., NUMBERS["lidar"]],
         range_distance=r.values[..., VALUES["range"].start],
         range_time=r.time[..., NUMBERS["range"]],
-        collision_count=worlds.collision_count,
-        has_collided=worlds.has_collided,
-        is_off_road=worlds.is_off_road,
-        red_light_count=worlds.red_light_count,
-        stop_sign_count=worlds.stop_sign_count,
-        light_state=worlds.light_state,
-        light_time_to_change=worlds.light_time,
-        heard_vehicles=worlds.radio.heard[:, :, :v, : CONTENT + LAMPS],
-        heard_lights=worlds.radio.heard[:, :, v:, : CONTENT + TIME_TO_CHANGE + 1],
+        collision_count=worlds.rules.collisions.total,
+        has_collided=worlds.rules.collisions.has_collided,
+        is_off_road=worlds.rules.road.is_off_road,
+        red_light_count=worlds.rules.stop_lines.red_light_count,
+        stop_sign_count=worlds.rules.stop_lines.stop_sign_count,
+        light_state=worlds.rules.lights.state,
+        light_time_to_change=worlds.rules.lights.time_to_change,
+        heard_vehicles=worlds.rules.radio.heard[:, :, :v, : CONTENT + LAMPS],
+        heard_lights=worlds.rules.radio.heard[:, :, v:, : CONTENT + TIME_TO_CHANGE + 1],
         object_pose=objects,
         sensor_times=r.time,
         sensor_values=r.values,

@@ -164,7 +164,7 @@ class Race:
     def judge(self, time: float, positions: Floats, happened: Sequence[Event]) -> tuple[list[Event], list[Move]]:
         """Events and moves of the tick that ended at `time` [s] with these positions [m], shape (n_vehicle, 3).
 
-        `happened`: the events of the referee. After a move, call `moved`.
+        `happened`: the events of the rules in this tick. After a move, call `moved`.
         """
         events: list[Event] = []
         moves: list[Move] = []

@@ -14,7 +14,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import Map
 from autodrive.scenario.maps.roads import Roads, roads
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.traffic.drive import JAM_GAP, SIDE_MARGIN
+from autodrive.world.rules.traffic.drive import JAM_GAP, SIDE_MARGIN
 
 SPREAD = 2.0
 """Lengths of a vehicle between places on a lane where vehicles may start."""

@@ -1,0 +1,1 @@
+"""The rules of a world, one room for each; `rules.py` has the list that a World and a batch follow."""

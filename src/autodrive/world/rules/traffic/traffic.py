@@ -1,0 +1,70 @@
+"""The traffic of a scenario: its roads, its vehicles, and where they start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from autodrive.physics.model import Table
+from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.maps.map import Map
+from autodrive.scenario.maps.roads import NO_ROADS, roads
+from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.rules.traffic.drive import NONE, Bodies
+from autodrive.world.rules.traffic.start import chosen_places, clearance, reach, start_places
+
+SLOWEST = 0.85
+"""Each driver likes to drive at a speed from this share of that of the scenario to all of it."""
+
+
+class Fleet:
+    """The traffic of a scenario: what does not change. It may have no vehicles."""
+
+    def __init__(
+        self,
+        spec: ScenarioSpec,
+        map_: Map,
+        vehicles: Mapping[str, VehicleSpec],
+        boxes: Sequence[tuple[int, tuple[float, float, float]]],
+        table: Table,
+    ) -> None:
+        """`vehicles`: all of a world, in the order of the rows of `table`, which is `Model.vehicles`.
+
+        `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
+        """
+        self.names = names = spec.traffic.names
+        self.roads = NO_ROADS
+        self._places: list[tuple[float, float, float]] = []
+        self._length = 0.0
+        if names:
+            vehicle = vehicles[names[0]]
+            self.roads = roads(map_, clearance(vehicle))
+            self._places = start_places(self.roads, vehicle)
+            self._length = sum(reach(vehicle))
+        self._speed = spec.traffic.speed
+        order = list(vehicles)
+        top = [table[i]["drive_speed_limit"] * one.wheels.radius for i, one in enumerate(vehicles.values())]
+        self.bodies = Bodies(
+            row=np.array([order.index(name) for name in names], np.int64),
+            driver=np.array([names.index(one) if one in names else NONE for one in order], np.int64),
+            front=np.array([reach(one)[0] for one in vehicles.values()]),
+            rear=np.array([reach(one)[1] for one in vehicles.values()]),
+            half_width=np.array([one.size[1] / 2.0 for one in vehicles.values()]),
+            wheelbase=np.array([one.wheelbase for one in vehicles.values()]),
+            steering_limit=np.array(table["steering_limit"]),
+            box=np.array([at for at, _ in boxes], np.int64),
+            box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
+            top_speed=np.array(top),
+        )
+
+    def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
+        """Where they start with that seed: x, y [m] and heading [rad] by name; away from the points `others` [m]."""
+        starts = chosen_places(self._places, self._length, len(self.names), seed, others)
+        return dict(zip(self.names, starts, strict=False))
+
+    def desired_speed(self, driver: int, random: np.random.Generator) -> float:
+        """Speed at which a driver likes to drive [m/s]."""
+        share = SLOWEST + (1.0 - SLOWEST) * random.random()
+        return share * min(self._speed, float(self.bodies.top_speed[self.bodies.row[driver]]))

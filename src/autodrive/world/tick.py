@@ -1,0 +1,175 @@
+"""The tick of a world in compiled stages, which a World runs one by one, and a batch for all of its worlds.
+
+The order of a tick: the drivers of the traffic write their commands (`drive_traffic`), the bodies move (`move`), the
+rules judge what has happened (`judge`), the sensors sample and the radio sends and delivers (`sense`). The stages get
+the `Rows` as a `Pinned`, and the number k of the world.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Integers
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.pinned import Pinned, held
+from autodrive.physics.engine import AWAKE
+from autodrive.physics.sensors.columns import StatePoses, motion_of
+from autodrive.physics.sensors.sampling import sample
+from autodrive.physics.state import State
+from autodrive.physics.tick import advance, move_shapes, observe
+from autodrive.world.columns import Rows, model_of, state_of
+from autodrive.world.rules import collisions, radio, rules
+from autodrive.world.rules.traffic import rule as traffic
+
+
+@jit_uncounted
+def drive_traffic(pinned: Pinned[Rows], k: int) -> None:
+    """Write what the vehicles of the traffic obey in this tick."""
+    rows = held(pinned)
+    worlds = rows.worlds
+    traffic.command(
+        k,
+        int(worlds.tick[k]),
+        state_of(k, worlds, rows.thread),
+        worlds.rules.lights,
+        rows.rules.traffic,
+        worlds.rules.traffic,
+        rows.thread.rules.traffic,
+        worlds.throttle[k],
+        worlds.steering[k],
+    )
+
+
+@jit_uncounted
+def move(pinned: Pinned[Rows], k: int) -> bool:
+    """Move the bodies by a tick; False if the physics has diverged."""
+    rows = held(pinned)
+    worlds, thread = rows.worlds, rows.thread
+    model, state = model_of(k, rows.model, worlds), state_of(k, worlds, thread)
+    if rows.has_rolling_lidar == 1:
+        _note_poses(state, model.shapes.n_fixed, thread.sensors.before)
+    is_sound = advance(
+        model,
+        state,
+        thread.views,
+        thread.contacts,
+        thread.scratch,
+        worlds.throttle[k],
+        worlds.steering[k],
+        int(worlds.tick[k]) * rows.substeps,
+        rows.substeps,
+        rows.always_engine == 1,
+    )
+    worlds.tick[k] += 1
+    return is_sound
+
+
+@jit_uncounted
+def judge(pinned: Pinned[Rows], k: int) -> bool:
+    """Let the rules judge the tick that has ended; True if a World has events."""
+    rows = held(pinned)
+    worlds, thread, tick = rows.worlds, rows.thread, int(rows.worlds.tick[k])
+    return rules.judge(
+        k,
+        tick,
+        _time(rows, tick),
+        worlds.wheels[k],
+        state_of(k, worlds, thread),
+        thread.contacts,
+        rows.rules,
+        worlds.rules,
+        thread.rules,
+    )
+
+
+@jit_uncounted
+def sense(pinned: Pinned[Rows], k: int) -> bool:
+    """Sample the sensors that are due, and let the radio send and deliver; True if a vehicle heard something."""
+    rows = held(pinned)
+    worlds, thread, tick = rows.worlds, rows.thread, int(rows.worlds.tick[k])
+    state, now = state_of(k, worlds, thread), tick * rows.substeps
+    sample(
+        k,
+        now,
+        rows.substeps,
+        motion_of(state),
+        rows.model.shapes,
+        worlds.noise,
+        worlds.readings,
+        thread.sensors,
+        rows.sensors,
+    )
+    lights, messages = worlds.rules.lights, thread.rules.radio
+    return radio.transmit(k, tick, _time(rows, tick), state, lights, rows.rules.radio, worlds.rules.radio, messages)
+
+
+@jit_uncounted
+def show_lights(pinned: Pinned[Rows], k: int) -> None:
+    """Let the traffic lights show what they show now."""
+    rows = held(pinned)
+    tick = int(rows.worlds.tick[k])
+    rules.show_lights(k, tick, _time(rows, tick), rows.rules, rows.worlds.rules)
+
+
+@jit_uncounted
+def step_worlds(pinned: Pinned[Rows], is_stepped: NDArray[np.bool_], first: int, last: int, ticks: int) -> None:
+    """Move the worlds `first` to `last` - 1 by so many ticks, if `is_stepped`, shape (n,).
+
+    A world that has diverged stays still.
+    """
+    rows = held(pinned)
+    worlds, thread = rows.worlds, rows.thread
+    for k in range(first, last):
+        for i in range(worlds.throttle.shape[1]):
+            worlds.rules.collisions.has_collided[k, i] = False
+        if worlds.is_unstable[k] or not is_stepped[k]:
+            continue
+        move_shapes(model_of(k, rows.model, worlds), state_of(k, worlds, thread))
+        for _tick in range(ticks):
+            for kind in range(thread.views.warnings.shape[0]):
+                thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
+            if worlds.rules.traffic.link.shape[1] > 0:
+                drive_traffic(pinned, k)
+            if not move(pinned, k):
+                collisions.forget(thread.contacts)
+                worlds.is_unstable[k] = True
+                break
+            judge(pinned, k)
+            sense(pinned, k)
+
+
+@jit_uncounted
+def begin_worlds(pinned: Pinned[Rows], chosen: Integers) -> None:
+    """Complete the reset of the `chosen` worlds, whose rows are at the start: columns of vehicles, first readings."""
+    rows = held(pinned)
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        state = state_of(k, rows.worlds, rows.thread)
+        for b in range(state.asleep.shape[0]):
+            state.asleep[b] = AWAKE
+        observe(model_of(k, rows.model, rows.worlds), state)
+        show_lights(pinned, k)
+        sense(pinned, k)
+
+
+@inlined
+def _time(rows: Rows, tick: int) -> float:
+    """Simulated time of a tick since the reset [s]."""
+    numerator, denominator = rows.sensors.substep
+    return tick * rows.substeps * numerator / denominator
+
+
+@inlined
+def _note_poses(state: State, n_fixed: int, before: StatePoses) -> None:
+    """Copy the poses at the start of a tick."""
+    for i in range(state.vehicle_position.shape[0]):
+        for axis in range(3):
+            before.position[i, axis] = state.vehicle_position[i, axis]
+        for axis in range(4):
+            before.orientation[i, axis] = state.vehicle_orientation[i, axis]
+    for s in range(n_fixed, state.shape_position.shape[0]):
+        for axis in range(3):
+            before.shape_position[s, axis] = state.shape_position[s, axis]
+        for axis in range(9):
+            before.shape_rotation[s, axis] = state.shape_rotation[s, axis]
