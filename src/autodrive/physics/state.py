@@ -122,7 +122,7 @@ def copied(state: State) -> State:
 
 
 def numbers(state: State) -> Floats:
-    """All numbers of such a State, column after column: the memory of its columns, shape (n_number,)."""
+    """All numbers of a State of `empty_state`, column after column: the memory of its columns, shape (n_number,)."""
     flat = state.qpos.base
     assert flat is not None
     return flat

@@ -158,7 +158,7 @@ class OwnSignal(Signal):
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """All values are numbers."""
+        """Type of the values of a sensor of the user: all are numbers."""
         return np.dtype(np.float64)
 
     @property

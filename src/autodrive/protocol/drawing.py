@@ -184,7 +184,7 @@ def check_drawings(drawings: Mapping[str, Drawing | None]) -> None:
 
 
 def primitives(drawing: Drawing) -> int:
-    """How many it has."""
+    """The number of points, lines or characters of a drawing."""
     count = len(drawing.points)
     return {"points": count, "path": count - 1, "lines": count // 2, "text": len(drawing.text)}[drawing.kind]
 

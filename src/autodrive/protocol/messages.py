@@ -837,14 +837,20 @@ class BackOnRoad(_OfVehicle, frozen=True, tag=True):
 
 
 class RedLight(_OfVehicle, frozen=True, tag=True):
-    """The front of a vehicle crossed the stop line of a traffic light at red; `position` [m], shape (3,), as above."""
+    """The front of a vehicle crossed the stop line of a traffic light at red.
+
+    `position` [m], shape (3,), is the rear axle centre of the vehicle.
+    """
 
     light: str
     position: Array
 
 
 class StopSign(_OfVehicle, frozen=True, tag=True):
-    """The front of a vehicle crossed the stop line of a stop sign, and it had not stopped before it."""
+    """The front of a vehicle crossed the stop line of a stop sign, and the vehicle had not stopped before the line.
+
+    `position` [m], shape (3,), is the rear axle centre of the vehicle.
+    """
 
     sign: str
     position: Array

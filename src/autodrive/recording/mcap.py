@@ -393,7 +393,7 @@ class Reader:
             "bytes of schemas, channels and metadata": MAX_DESCRIPTIONS,
             "metadata records": MAX_METADATA,
         }
-        """How many more of each are read."""
+        """Number of chunks, channels, bytes of descriptions and metadata records that may still be read."""
 
     def _count(self, plural: str, number: int = 1) -> None:
         """Raises `RecordingError` if there are too many."""

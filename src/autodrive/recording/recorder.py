@@ -243,7 +243,7 @@ class Recorder:
         self._written_images += new
 
     def _count_new_images(self, frame: Frame) -> int:
-        """How many images are not in the Frame before."""
+        """Number of images in a Frame that were not in the Frame before it."""
         latest = {
             (name, camera): image
             for name, vehicle in frame.vehicles.items()

@@ -516,7 +516,7 @@ class Recording:
     def _search(
         self, channel: int, chunks: Iterable[int], until: int | None = None
     ) -> Iterator[tuple[int, mcap.ChunkMessages, NDArray[np.intp]]]:
-        """Each of these chunks that has messages of a channel, up to a time [ns]: all its messages, and their places.
+        """The chunks with messages of a channel, up to a time [ns]: number, messages, places of those of the channel.
 
         Raises `RecordingError` if too many chunks are read for nothing.
         """

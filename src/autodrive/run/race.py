@@ -115,7 +115,7 @@ class RaceOptions(PageOptions):
 
     @property
     def team_names(self) -> list[str]:
-        """One for each vehicle."""
+        """Names of the teams, one for each vehicle."""
         own = [*(address_text(host, port) for host, port in self.devkits), *self.scripts]
         return [*self.teams, *own[len(self.teams) :]]
 

@@ -8,7 +8,10 @@ from autodrive.protocol.channels import RosQos
 
 
 class Qos(NamedTuple):
-    """All are reliable, because subscribers with the default QoS get nothing from a publisher that is not."""
+    """Quality of service of a topic.
+
+    All topics are reliable, because subscribers with the default QoS get nothing from a publisher that is not.
+    """
 
     depth: int
     """Number of the last messages that are kept."""

@@ -170,7 +170,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Process the first piece; the next ones follow when the application has received its messages."""
+        """Process the first piece of `data`; other pieces follow when the application has received its messages."""
         self._unread += data
         if self._timer is not None:  # uvicorn reads on after its close message
             self.transport.pause_reading()

@@ -33,9 +33,9 @@ class ParameterRange(Spec):
     normal: Pair | None = None
     """Mean and standard deviation."""
     choice: tuple[Value, ...] | None = Field(default=None, min_length=1)
-    """One of these, equally probable; a list is the same."""
+    """Values of which one is drawn, equally probable; a list is the same."""
     grid: tuple[Value, ...] | None = Field(default=None, min_length=1)
-    """Each of these, with each sample of the other parameters."""
+    """Values that are all used, each with each sample of the other parameters."""
 
     @model_validator(mode="after")
     def _is_one(self) -> ParameterRange:

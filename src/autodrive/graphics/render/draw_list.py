@@ -44,7 +44,7 @@ FRAME = np.dtype(
 """Uniform block of shaders/frame.glsl; matrices are column-major."""
 
 CASTER_COUNTS, BEAM_COUNTS, LAMP_COUNTS = (1, 2, 4), (2, 4, 8), (2, 4, 8)
-"""How many of each a draw call can have, besides none: each number needs a shader."""
+"""Numbers of casters of shadows, beams and lamps that a draw call can have, besides 0: each needs a shader."""
 
 OUTLINE = 0.92
 """A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""

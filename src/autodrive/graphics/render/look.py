@@ -235,7 +235,7 @@ def in_air(look: Daylight, air: Air) -> Daylight:
 
 
 def light_table() -> dict[str, Any]:
-    """All of these as plain data; 'minutes': the look at every tenth minute of a day."""
+    """The tables of light of this module as plain data; 'minutes': the look at every tenth minute of a day."""
     return {
         "day": _plain(DAY),
         "night": _plain(NIGHT),

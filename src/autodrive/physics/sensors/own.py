@@ -125,7 +125,7 @@ def problem(name: object, sensor: Any, known: Sequence[str] = ()) -> str:
 
 
 def _problems(name: object, sensor: Any, known: Sequence[str]) -> Iterator[str]:
-    """The first one counts: each check relies on those before it."""
+    """What is wrong with a sensor of the user. The first text counts: each check relies on those before it."""
     if not isinstance(name, str) or not name.isidentifier() or len(name) > MAX_NAME:
         yield f"the name of a sensor is letters, digits and '_', such as radar, not {reprlib.repr(name)}"
     if name in known:

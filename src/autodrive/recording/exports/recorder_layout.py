@@ -35,7 +35,7 @@ LEAST_GAP, GAP_STEPS = 0.5, 5.0
 MOST_BACKWARD = 0.05
 """Share of the rows of a log that may be earlier than those before them, each because the clock was set back."""
 LEAST_STEERING, LEAST_TURN, LEAST_SPEED, LEAST_ROWS = 0.03, 0.1, 0.05, 20
-"""Rows with at least this angle [rad], yaw rate [rad/s] and speed [m/s] show the sign of the steering; so many do."""
+"""Least angle [rad], yaw rate [rad/s] and speed [m/s] of rows that show the sign of the steering, and their number."""
 MOST_OPPOSITE = 0.8
 """Share of these rows; if more of them turn to the other side, the sign of the steering is wrong."""
 

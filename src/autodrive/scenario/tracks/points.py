@@ -32,7 +32,7 @@ MAX_FAULTS = 20
 _STEPS = 40
 """Steps of the parameter between two points."""
 _ROUNDS = 60
-"""Each one halves the error of the second derivatives."""
+"""Rounds of the computation of a curve; each of them halves the error of the second derivatives."""
 _COUNTS = (8, 10, 12, 14, 16, 20, 24, 32, 40, 48, 64, 80, 100, 128, 160, MAX_POINTS)
 
 
