@@ -205,15 +205,18 @@ def _lie_on_rim(
     arm = high - radius  # from the hub to the lowest point, along the vehicle's z axis
     if r22 < 0.0:
         arm = high + radius
+    # the lowest point k, relative to the origin of the vehicle frame, and its depth below the floor
     kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
     depth = -(state.qpos[qpos + 2] + kz)
     if depth <= 0.0:
         return
+    # the bump stop carries that point as a spring with a damper, by its velocity v
     wx, wy, wz = turn
     vx = state.qvel[dof] + wy * kz - wz * ky
     vy = state.qvel[dof + 1] + wz * kx - wx * kz
     vz = state.qvel[dof + 2] + wx * ky - wy * kx
     load = max(0.0, stiffness * depth - sqrt(stiffness * wheel["sprung_mass"]) * vz)
+    # the longitudinal axis is the vehicle's x axis on the floor; the x axis of the map if that one is nearly vertical
     length = sqrt(r00 * r00 + r10 * r10)
     fx, fy = 1.0, 0.0
     if length > 0.1:

@@ -67,6 +67,7 @@ def cast_sweep(
         ray_time = scan / timing.rate - timing.time_increment * (rays - 1 - i)
         if ray_time > time + 1e-9:  # tolerates rounding errors of the time
             return i
+        # start and direction of the ray in the map, at the fraction f of the tick at which it is cast
         f = min(1.0, max(0.0, (ray_time - time_before) / max(time - time_before, 1e-12)))
         turn = slerp(orientation_before, orientation, f)
         lever = rotate(turn, mount_position)
@@ -81,6 +82,7 @@ def cast_sweep(
             nearest = math.inf  # the space below the floor is solid
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
+        # the nearest of the shapes, each of which is where it was at that fraction; distances as inverse ranges
         hits[i] = -1
         for k in range(near_count):
             g = near[k]
