@@ -42,7 +42,7 @@ def medians_us(runs: list[Callable[[], None]], prepare: Callable[[], None]) -> l
 def loop(world: World, substeps: int = SUBSTEPS, *, always_engine: bool = True) -> Callable[[], None]:
     """The compiled substep loop, without sensors and Frame."""
     c = world.compiled
-    controls = world._controls
+    controls = world.controls
     controls.throttle[:] = 0.4
 
     def run() -> None:

@@ -2,7 +2,8 @@
 
     uv run benchmarks/step.py [--f1tenth-gym PYTHON]
 
-CPU time of one core, medians. With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with a scan of
+CPU time of one core, medians. A tick of a World is also compared with a tick of one world of a batch with the same car,
+in turn: what the World adds is the Frame. With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with a scan of
 1080 rays) is measured, too.
 """
 
@@ -15,12 +16,14 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 import autodrive
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.world.batch import BatchWorld
 
-ROUNDS, TICKS = 15, 200
+ROUNDS, TICKS, WORLDS = 15, 200, 64
 VEHICLE = Path(autodrive.__file__).parent / "scenario/data/vehicles/nigel.yaml"
 
 PEER = """
@@ -44,23 +47,30 @@ def with_fast_lidar(folder: Path) -> str:
     return str(file)
 
 
-def ours(scenario_map: str, folder: Path) -> list[float]:
-    """CPU time of a tick in each round [us]."""
-    spec = ScenarioSpec(
-        map=scenario_map, vehicles={"V1": VehiclePlacement(type=with_fast_lidar(folder), x=-1.1, y=-0.15)}
-    )
-    world = autodrive.make(spec)
-    figures = []
+def ours(scenario_map: str, folder: Path) -> tuple[list[float], list[float]]:
+    """CPU time of a tick of a World and of one world of a batch in each round [us]."""
+    car = VehiclePlacement(type=with_fast_lidar(folder), x=-1.1, y=-0.15)
+    spec = ScenarioSpec(map=scenario_map, vehicles={"V1": car})
+    world, batch = autodrive.make(spec), BatchWorld(spec, WORLDS, threads=1)
+    command = {"V1": autodrive.Command(throttle=0.4, steering=0.05)}
+    commands = np.tile([0.4, 0.05], (WORLDS, 1, 1))
+    single: list[float] = []
+    many: list[float] = []
     for _ in range(ROUNDS):
         world.reset()
-        command = {"V1": autodrive.Command(throttle=0.4, steering=0.05)}
         for _ in range(20):
             world.step(command)
         start = time.process_time()
         for _ in range(TICKS):
             world.step(command)
-        figures.append((time.process_time() - start) / TICKS * 1e6)
-    return figures
+        single.append((time.process_time() - start) / TICKS * 1e6)
+        batch.reset()
+        batch.step(commands, 20)
+        start = time.process_time()
+        for _ in range(TICKS // 10):
+            batch.step(commands)
+        many.append((time.process_time() - start) / (TICKS // 10 * WORLDS) * 1e6)
+    return single, many
 
 
 def main() -> None:
@@ -69,8 +79,10 @@ def main() -> None:
     parser.add_argument("--f1tenth-map", metavar="MAP", help="map of f1tenth_gym, without .yaml", default="vegas")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        figures = ours("tiny_town", Path(folder))
+        figures, many = ours("tiny_town", Path(folder))
+    ratio = statistics.median(mine / other for mine, other in zip(figures, many, strict=True))
     print(f"world.step, tiny_town, 1080 rays each tick: {statistics.median(figures):.1f} us (best {min(figures):.1f})")
+    print(f"a tick of a world in a batch of {WORLDS}: {statistics.median(many):.1f} us; ratio {ratio:.2f}")
     if arguments.f1tenth_gym:
         peer = subprocess.run(
             [arguments.f1tenth_gym, "-c", PEER, arguments.f1tenth_map], check=True, capture_output=True, text=True

@@ -25,6 +25,7 @@ REAL_TIME = {
     "base/child_process.py",
     "base/compile_ahead.py",
     "base/installation.py",
+    "base/keeper.py",
     "base/tcp.py",
     "base/turns.py",
     "graphics/cameras/jpeg.py",
@@ -35,8 +36,8 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They compile beside this process, wait for another one, render and encode images asynchronously, set options of
-connections, step worlds in several threads, refuse a second thread, or read the address of a package."""
+"""They compile beside this process, wait for another one, end others, render and encode images asynchronously, set
+options of connections, step worlds in several threads, refuse a second thread, or read the address of a package."""
 
 IN_THE_TICK = [
     path

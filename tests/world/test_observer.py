@@ -18,6 +18,7 @@ from autodrive.protocol.messages import (
     SetSceneLight,
     SetTimeOfDay,
     SetWeather,
+    Teleport,
     Weather,
 )
 from autodrive.world.observer import Request, ResetTo, Restored, SetPoses
@@ -68,7 +69,7 @@ def test_an_observer_hears_all_that_a_world_is_given_and_does() -> None:
         *(Reset(3), 0),
         *(ResetTo(None, {"V1": (1.0, 2.0, 0.0)}), 0),
         *(SetPoses({"V1": placed}), 0),
-        *(SetPoses({"V1": (3.0, 0.0, *placed[2:])}), 0),
+        *(Teleport("V1", 3.0, 0.0), 0),
         *(SetDrivingMode("V1", True), 0),
         Hold("V1", (1.0, 2.0, 3.0)),
         Hold("V1", None),

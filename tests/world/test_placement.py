@@ -90,7 +90,7 @@ def by_edit(file: Path, _: pytest.LogCaptureFixture) -> list[str]:
         map="plane", vehicles={name: VehiclePlacement(x=3.0 * i) for i, name in enumerate(there.vehicles)}
     )
     with closing(new_world(sound)) as world:
-        world.spec = there
+        world.conditions.spec = there
         world.specs = read_scenario(file).specs
         after = Editor(new_world).edit(world, SetSensor("V1", "lidar", is_on=False))
         assert after is not world

@@ -56,7 +56,7 @@ def run(world: World, ticks: int) -> Frame:
 
 def drivers_of(world: World) -> Drivers:
     """The columns of the drivers of the traffic."""
-    return Drivers(*(column[0] for column in world.rows.worlds.rules.traffic))
+    return Drivers(*(column[0] for column in world.row.rules.traffic))
 
 
 def place_on_link(world: World, name: str, link: int, at: float) -> None:

@@ -125,6 +125,20 @@ def test_a_snapshot_keeps_the_weather_and_the_changing_ground() -> None:
     assert drive(world) == reference
 
 
+def test_the_lidar_of_a_world_that_continues_another_one_sees_its_weather() -> None:
+    amounts = {"clouds": 1.0, "fog": 1.0, "rain": 0.8, "snow": 0.2, "wind": 0.5}
+    storm = scenario(map="mini_map", weather=amounts, vehicles={"V1": {"has_realistic_sensors": True}})
+    before, same, other = autodrive.make(storm), autodrive.make(storm), autodrive.make(storm)
+    drive(before)
+    drive(same)
+    other.continue_from(before)
+
+    def scans(world: World) -> list[bytes]:
+        return [world.step().vehicles["V1"].lidar.ranges.tobytes() for _ in range(60)]  # type: ignore[union-attr]
+
+    assert scans(other) == scans(same)
+
+
 def test_each_world_of_a_batch_has_its_own_weather() -> None:
     spec = scenario(map="mini_map", weather={"rain": 0.9, "fog": 0.5})
     batch = autodrive.BatchWorld(spec, n=3, seed=4, threads=1)

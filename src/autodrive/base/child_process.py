@@ -1,7 +1,8 @@
 """Processes that this one starts; none is left behind, however this process ends.
 
 Python processes get pickled objects as requests from stdin, write answers to stdout, and end when stdin closes. Other
-programs run as a group, which ends as a whole.
+programs run as a group, which ends as a whole. A small process, the keeper, stands between this one and those that may
+start others (`keeper.py`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import errno
 import os
 import select
 import shutil
-import signal
 import subprocess
 import sys
 import threading
@@ -24,13 +24,23 @@ if sys.platform == "linux":
 PIPE_SIZE = 1 << 20
 """Bytes that the pipe for answers holds where the system allows it, so that an image is not passed in small pieces."""
 
+KEEPER = [sys.executable, "-I", "-S", str(Path(__file__).with_name("keeper.py"))]
+"""Command line to put before that of a program, which gets the stdin; its exit code is that of the program.
 
-def start_module(module: str) -> subprocess.Popen[bytes]:
-    """Run `main` of that module in a new Python, with pipes to its stdin and from its stdout."""
+Not for Windows.
+"""
+
+
+def start_module(module: str, *, has_children: bool = False) -> subprocess.Popen[bytes]:
+    """Run `main` of that module in a new Python, with pipes to its stdin and from its stdout.
+
+    `has_children`: it may start processes, which end with it; `terminate` ends all, `kill` does not.
+    """
     process: subprocess.Popen[Any] = subprocess.Popen(
         # -P: a file in the user's folder must not replace one of our modules. Not -m: pickled classes of a module that
         # is `__main__` there would not be found here.
         [
+            *(KEEPER if has_children and sys.platform != "win32" else ()),
             sys.executable,
             "-P",
             "-c",
@@ -50,7 +60,7 @@ def start_module(module: str) -> subprocess.Popen[bytes]:
 
 
 def end_with_parent() -> None:
-    """In the process: end at once when the process that started it has ended, or has closed its end of stdin."""
+    """End the process at once when the process that started it has ended, or has closed its end of stdin."""
     if not hasattr(select, "poll"):  # Windows: the process ends when it reads the next request
         return
     poll = select.poll()
@@ -63,23 +73,12 @@ def end_with_parent() -> None:
     threading.Thread(target=wait, name="autodrive-end-with-parent", daemon=True).start()
 
 
-KEEPER = """
-exec 3<&0
-"$@" </dev/null 3<&- &
-program=$!
-{ read -r _ <&3; kill -KILL 0; } &
-exec 3<&-
-wait "$program"
-"""
-"""Shell script that runs a program, and kills its own group when the pipe at its stdin closes: then the process that
-started it has ended, or wants that."""
-
-
 class Group:
-    """A program that runs with its stdin closed, and all processes that it starts, which end together.
+    """A program that runs with its stdin closed, and all processes that come from it, which end together.
 
-    They end with `close`, or with this process, however it ends. Arguments: see `Popen`. Raises `OSError` if the
-    program cannot be started.
+    They end with `close`, with the program, or with this process, however it ends. On Linux these are also those that
+    have left the group of the program, as with `setsid`, `timeout` and `roslaunch`; on macOS only its group; on Windows
+    only the program, with `close`. Arguments: see `Popen`. Raises `OSError` if the program cannot be started.
     """
 
     def __init__(self, line: list[str], *, cwd: Path, **options: Any) -> None:
@@ -91,25 +90,22 @@ class Group:
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), line[0])
         if not os.access(program, os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), line[0])
-        keeper = ["/bin/sh", "-c", KEEPER, "autodrive-keeper", *line]
-        self._process = subprocess.Popen(keeper, cwd=cwd, stdin=subprocess.PIPE, start_new_session=True, **options)
+        # The shell says why a program cannot be run, and runs a file without '#!'.
+        kept = [*KEEPER, "/bin/sh", "-c", 'exec "$@" </dev/null', "autodrive", *line]
+        self._process = subprocess.Popen(kept, cwd=cwd, stdin=subprocess.PIPE, start_new_session=True, **options)
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code of the program; None while it runs, and 128 and the number of a signal that ended it."""
+        """Exit code of the program; None while one of its processes runs; 128 + signal if a signal ended it."""
         return self._process.poll()
 
     def close(self) -> None:
-        """End all processes of the group."""
-        if sys.platform == "win32":
-            self._process.kill()
-        else:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        """End all processes; returns when they have ended."""
         if self._process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):
-                self._process.stdin.close()
+            self._process.stdin.close()  # the keeper ends them
+        else:
+            self._process.kill()
+        self._process.wait()
 
 
 def cpu_count() -> int:
@@ -122,7 +118,7 @@ def cpu_count() -> int:
 
 def quotas(root: Path = Path("/")) -> list[float]:
     """Processors that the control groups of this process may use: version 2, else 1; empty without a limit."""
-    found: list[float] = []
+    limits: list[float] = []
     with contextlib.suppress(OSError):
         for entry in os.fsdecode((root / "proc/self/cgroup").read_bytes()).splitlines():
             _, controllers, path = entry.split(":", 2)
@@ -134,8 +130,8 @@ def quotas(root: Path = Path("/")) -> list[float]:
             group = Path(path.lstrip("/"))
             for place in (group, *group.parents):  # in a container, only the last one is there: the root
                 with contextlib.suppress(OSError, ValueError):
-                    found.append(_quota(folder / place, is_old=bool(controllers)))
-    return found
+                    limits.append(_quota(folder / place, is_old=bool(controllers)))
+    return limits
 
 
 def _quota(folder: Path, *, is_old: bool) -> float:
@@ -167,7 +163,7 @@ def environment() -> dict[str, str]:
 
 
 def take_stdout() -> BinaryIO:
-    """In the process: the pipe for answers. What anything else prints goes to stderr from now on."""
+    """The pipe for the answers of this process. What anything else prints goes to stderr from now on."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return answers

@@ -48,6 +48,11 @@ class VehicleContacts(NamedTuple):
     pair_count: Integers
     """Number of pairs, shape (1,)."""
 
+    def clear(self) -> None:
+        """Forget what was touched."""
+        self.impulse[:] = 0.0
+        self.pair_count[0] = 0
+
 
 class Scratch(NamedTuple):
     """Working memory of `advance`. Nothing in it is read after the tick."""

@@ -230,11 +230,8 @@ class _Again:
         match request:
             case Pause() | Resume() | SetSpeed():
                 pass  # they change when a tick runs, not what it does
-            case SetPoses(poses=poses):
-                world.set_poses({name: np.array(pose) for name, pose in poses.items()})
-            case ResetTo(seed=seed, poses=poses, weather=weather):
-                starts = {name: (x, y, yaw) for name, (x, y, yaw) in poses.items()}
-                world.reset(seed, poses=starts, weather=weather)
+            case SetPoses() | ResetTo():
+                world.apply(request)
             case SensorAdded(vehicle=vehicle, name=name):
                 self._add_sensor(world, vehicle, name)
             case Restored():

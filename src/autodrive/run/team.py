@@ -134,10 +134,10 @@ def drive(team: Team, episodes: int, seed: int = 0) -> Results:
     with closing(envs):
         observations, _ = envs.reset(seed=seed)
         while not tally.is_over.all():
-            commands = act(observations, CarReadings.of_batch(envs.batch.readings, cars))
+            commands = act(observations, CarReadings.of(envs.batch.readings, cars))
             observations, _, terminated, truncated, info = envs.step(commands)
             ends = tally.is_over | terminated | truncated | ~envs.is_live
-            tally.add(ends, info["is_success"], CarReadings.of_batch(envs.batch.readings, cars), envs.memory)
+            tally.add(ends, info["is_success"], CarReadings.of(envs.batch.readings, cars), envs.memory)
     return tally.results(cars)
 
 
@@ -231,14 +231,15 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     world_seed, starts = int(rng.integers(2**31)), task.starts(rng)
     poses = {name: pose for start in starts for name, pose in start.poses.items()}
     names, seen = list(task.scenario.vehicles), Episodes(task, "state", len(starts))
-    cars = CarReadings.of_frame(rendered.reset(world_seed, poses))
+    rendered.reset(world_seed, poses)
+    cars = rendered.cars
     seen.begin(np.arange(len(starts)), starts, cars)
     tally, act = _Tally(task, len(names)), team.start(len(names))
     for step in range(STEPS[task.name]):
         commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
-        frame = rendered.step({name: Command(*command) for name, command in zip(names, commands.tolist(), strict=True)})
-        cars = CarReadings.of_frame(frame)
+        rendered.step({name: Command(*command) for name, command in zip(names, commands.tolist(), strict=True)})
+        cars = rendered.cars
         outcome = seen.advance(cars)
         is_late = step + 1 == STEPS[task.name]
         tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)

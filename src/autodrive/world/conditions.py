@@ -1,40 +1,132 @@
-"""Conditions of a World that change after it was compiled: factors of its vehicles, and the weather."""
+"""Conditions of a World that change after it was compiled: factors of its vehicles, the light and the weather."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from fractions import Fraction
 
+from msgspec.structs import replace
+
+from autodrive.base.errors import CommandError
 from autodrive.physics.model import Table
-from autodrive.physics.weather import detection_range, extinction, road, sight, wet_reflectivity
+from autodrive.physics.weather import ChangingWeather, detection_range, extinction, road, sight, wet_reflectivity
+from autodrive.protocol.commands import is_number
 from autodrive.protocol.messages import Weather, WeatherEffects
-from autodrive.scenario import ScenarioSpec
+from autodrive.protocol.weather import is_clear
+from autodrive.scenario import FACTOR_LIMITS, ScenarioSpec
 from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.vehicles.parameters import surface_of, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.compile import CompiledScenario
+from autodrive.world.rules import daylight
+from autodrive.world.rules.daylight import DaylightColumns, SceneLight
+
+WEATHER_PERIOD = 0.1
+"""Tyres and LIDARs follow a ground that becomes wet or dry in steps of this time [s]."""
 
 
-def set_factors(
-    c: CompiledScenario, factors: Mapping[str, Mapping[str, float]]
-) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
-    """Set the tables of the Model and the noise of the sensors in place; see `World.set_factors`.
+class Conditions:
+    """The light and the weather of a World, and the factors of its vehicles."""
 
-    Returns scenario and vehicles with these factors.
-    """
-    of = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
-    vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
-    for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
-        row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
-    grips = [c.spec.vehicles[name].grip_factor * its["grip"] for name, its in of.items()]
-    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, Weather())
-    c.sensors.set_noise_factors([its["noise"] for its in of.values()])
-    placed = {
-        name: place.model_copy(
-            update={f"{kind}_factor": getattr(place, f"{kind}_factor") * one for kind, one in of[name].items()}
-        )
-        for name, place in c.spec.vehicles.items()
-    }
-    return c.spec.model_copy(update={"vehicles": placed}), vehicles
+    def __init__(self, compiled: CompiledScenario, columns: DaylightColumns) -> None:
+        """`columns`: of the row of the World."""
+        self._compiled, self._columns = compiled, columns
+        self.spec: ScenarioSpec = compiled.spec
+        """The scenario from which a reset starts, with the factors."""
+        self.vehicles = compiled.vehicles
+        """Specs of the vehicles by name, with the factors."""
+        self.light = daylight.light_of(columns)
+        self.weather = ChangingWeather()
+        self.shown: Weather | None = None
+        """The weather with wetness and snow cover of the ground; None: clear, over dry ground."""
+        self.effects: WeatherEffects | None = None
+        """What the weather means for the first vehicle; None: clear."""
+        self.is_changing = False
+        """Whether wetness or snow cover of the ground are changing: `follow` is due in each tick."""
+        tick = Fraction(str(compiled.spec.tick))
+        self._ratio = tick.numerator, tick.denominator
+        self._period = max(1, round(WEATHER_PERIOD / compiled.spec.tick))
+
+    def reset(self, weather: Weather | None, seed: int) -> None:
+        """The light of the scenario, and that weather as after a long time of it; None: that of the scenario."""
+        self.light = daylight.light_of(self._columns)
+        self.weather = ChangingWeather.settled(self.spec.weather.message if weather is None else weather)
+        self._apply(0, seed, is_reset=True)
+
+    def set_light(self, light: SceneLight) -> None:
+        """The light from now on."""
+        self.light = light
+        daylight.write(self._columns, 0, light)
+
+    def set_weather(self, weather: Weather, tick: int, seed: int) -> None:
+        """The weather from that tick on; `seed`: of the last reset."""
+        numerator, denominator = self._ratio
+        self.weather = self.weather.following(weather, tick * numerator / denominator)
+        self._apply(tick, seed)
+
+    def with_kept_ground(self, weather: Weather) -> Weather:
+        """That weather, with wetness and snow cover that are held now, unless it has others."""
+        held = {name: getattr(self.weather.weather, name) for name in ("wetness", "snow_cover")}
+        return replace(weather, **{name: held[name] for name in held if getattr(weather, name) is None})
+
+    def follow(self, tick: int, seed: int) -> None:
+        """Let tyres, LIDARs and Frames follow the ground, once in a `WEATHER_PERIOD`; `seed`: of the last reset."""
+        if tick % self._period == 0:
+            self._apply(tick, seed)
+
+    def restore(self, weather: ChangingWeather, tick: int, seed: int, *, is_reset: bool = False) -> None:
+        """Continue in that weather, with the light of the row; `is_reset`: see `_apply`."""
+        self.light, self.weather = daylight.light_of(self._columns), weather
+        self._apply(tick, seed, is_reset=is_reset)
+
+    def set_factors(self, factors: Mapping[str, Mapping[str, float]]) -> None:
+        """See `World.set_factors`. Raises `CommandError`."""
+        c = self._compiled
+        for vehicle, given in factors.items():
+            for name, factor in given.items():
+                least, most = FACTOR_LIMITS.get(name, (math.inf, -math.inf))
+                if not (is_number(factor) and least <= factor <= most):
+                    raise CommandError(f"factor {name} of vehicle '{vehicle}' cannot be {factor!r}")
+        complete = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
+        self.vehicles = {name: spec.with_mass_factor(complete[name]["mass"]) for name, spec in c.vehicles.items()}
+        for row, vehicle in zip(c.model.vehicles, self.vehicles.values(), strict=True):
+            row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
+        c.sensors.set_noise_factors([of_vehicle["noise"] for of_vehicle in complete.values()])
+        placed = {
+            name: placement.model_copy(
+                update={
+                    f"{kind}_factor": getattr(placement, f"{kind}_factor") * factor
+                    for kind, factor in complete[name].items()
+                }
+            )
+            for name, placement in c.spec.vehicles.items()
+        }
+        self.spec = c.spec.model_copy(update={"vehicles": placed})
+        c.model.wheels[:] = self.wheels(Weather())
+
+    def wheels(self, weather: Weather) -> Table:
+        """`Model.wheels` in that weather."""
+        grips = [placement.grip_factor for placement in self.spec.vehicles.values()]
+        c = self._compiled
+        return wheel_table([*self.vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
+
+    def _apply(self, tick: int, seed: int, *, is_reset: bool = False) -> None:
+        """Let tyres, LIDARs and Frames have the weather of the latest multiple of `WEATHER_PERIOD` or change.
+
+        `is_reset`: tyres and LIDARs are as in clear weather.
+        """
+        numerator, denominator = self._ratio
+        time = max((tick - tick % self._period) * numerator / denominator, self.weather.since)
+        now = self.weather.at(time)
+        self.is_changing = not self.weather.is_settled(time)
+        shown = None if is_clear(now) else now
+        if shown != self.shown or (is_reset and shown is not None):
+            self.shown = shown
+            self._compiled.model.wheels[:] = self.wheels(now)
+            self._compiled.sensors.set_weather(now, seed)
+            first = next(iter(self.vehicles.values()))
+            self.effects = None if shown is None else weather_effects(now, self._compiled.map.ground, first)
 
 
 def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) -> WeatherEffects:
@@ -48,20 +140,3 @@ def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) 
         return min(lidar.range_max, detection_range(wet, lost, lidar.range_max, lidar.rated_reflectivity))
 
     return WeatherEffects(road(surface_of(vehicle, ground), weather).grip, sight(weather), seen(0.1), seen(0.8))
-
-
-def wheels_in(c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather) -> Table:
-    """`Model.wheels` in that weather, as `set_weather` sets it."""
-    grips = [placement.grip_factor for placement in spec.vehicles.values()]
-    return wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
-
-
-def set_weather(
-    c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather, seed: int
-) -> None:
-    """Set the tyres and the LIDARs for that weather; `spec`, `vehicles`: with the factors of `set_factors`.
-
-    `seed`: of the last reset.
-    """
-    c.model.wheels[:] = wheels_in(c, spec, vehicles, weather)
-    c.sensors.set_weather(weather, seed)

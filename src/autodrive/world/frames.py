@@ -23,11 +23,10 @@ from autodrive.protocol.messages import (
     TrafficLightFrame,
     V2xReading,
     VehicleFrame,
-    Weather,
-    WeatherEffects,
     WheelsReading,
 )
 from autodrive.world.compile import CompiledScenario
+from autodrive.world.conditions import Conditions
 from autodrive.world.controls import VehicleControls
 
 REVERSE_SPEED = -0.05 * RPM
@@ -37,9 +36,8 @@ REVERSE_SPEED = -0.05 * RPM
 class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
-    def __init__(self, compiled: CompiledScenario) -> None:
-        self.weather: Weather | None = None
-        self.weather_effects: WeatherEffects | None = None
+    def __init__(self, compiled: CompiledScenario, conditions: Conditions) -> None:
+        self._conditions = conditions
         self._own_sensors = compiled.own_sensors
         self._numbers = numbers(compiled.state)
         self._state, self._qpos = compiled.state, compiled.state.qpos
@@ -62,14 +60,14 @@ class FrameBuilder:
         controls: Sequence[VehicleControls],
         collision_counts: Sequence[int],
         events: tuple[Event, ...],
-        scene_light: bool,
-        time_of_day: float | None = None,
         *,
         races: Sequence[RaceState] | None = None,
         traffic_lights: dict[str, TrafficLightFrame],
         heard: Sequence[V2xReading],
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
+        conditions = self._conditions
+        scene_light, time_of_day = conditions.light.at(time)
         frame = Frame(
             time=time,
             tick=tick,
@@ -92,9 +90,9 @@ class FrameBuilder:
             time_of_day=time_of_day,
             traffic_lights=traffic_lights,
         )
-        if self.weather is None:
+        if conditions.shown is None:
             return frame
-        return replace(frame, weather=self.weather, weather_effects=self.weather_effects)
+        return replace(frame, weather=conditions.shown, weather_effects=conditions.effects)
 
     def _vehicle_frame(
         self,

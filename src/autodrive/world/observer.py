@@ -21,7 +21,7 @@ class ResetTo(msgspec.Struct, frozen=True, tag=True):
     """`World.reset` with poses, x, y [m] and yaw [rad] of each name, or with a weather."""
 
     seed: int | None
-    poses: dict[str, tuple[float, ...]]
+    poses: Mapping[str, tuple[float, ...]] | None
     weather: Weather | None = None
 
 

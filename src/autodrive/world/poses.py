@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.base.transforms import Quaternion, Vector
+from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
 from autodrive.world.compile import CompiledScenario
@@ -24,8 +25,13 @@ class Poses:
     def __init__(self, compiled: CompiledScenario, controls: Controls) -> None:
         self._compiled = compiled
         self._controls = controls
+        self.initial: Floats = compiled.engine.start
+        """`State.qpos` after a reset."""
         self.held: dict[str, tuple[float, ...]] = {}
         """The vehicles that are held, with their poses."""
+        heights = {box.name: 0.5 * box.size[2] for box in compiled.boxes}
+        self._heights = heights | {name: vehicle.ride_height for name, vehicle in compiled.vehicles.items()}
+        """Of the origin of each vehicle and object on the ground [m]."""
 
     def noun(self, name: str) -> str:
         """Such as "vehicle 'V1'", for messages."""
@@ -42,10 +48,50 @@ class Poses:
         qpos = self._compiled.engine.body(name)[1]
         return self._compiled.state.qpos[qpos : qpos + 7].copy()
 
-    def start(self, start: Floats, poses: Mapping[str, Floats]) -> Floats:
-        """`start`, a `State.qpos`, with these poses instead. Raises `CommandError` if one overlaps something."""
+    def on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
+        """The pose of a vehicle or an object on the ground. Raises `CommandError`."""
+        self.check_name(name)
+        if not all(is_number(value, MAX_DISTANCE) for value in (x, y, yaw)):
+            raise CommandError(
+                f"{self.noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
+                f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
+            )
+        return np.array([float(x), float(y), self._heights[name], *quaternion_from_yaw(float(yaw))])
+
+    def seen_from_above(self) -> list[tuple[float, float, float]]:
+        """x, y [m] and heading [rad] of the vehicles."""
+        state = self._compiled.state
+        poses = zip(state.vehicle_position.tolist(), state.vehicle_orientation.tolist(), strict=True)
+        return [(*position[:2], euler_from_quaternion(orientation)[2]) for position, orientation in poses]
+
+    def at_start(self, seed: int, poses: Mapping[str, Sequence[float]] | None) -> Floats:
+        """`State.qpos` at the start with that seed; `poses`: see `World.reset`.
+
+        Raises `CommandError` for a pose that is wrong or overlaps something.
+        """
+        placed: dict[str, Floats] = {}
+        if poses is not None and not isinstance(poses, Mapping):
+            raise CommandError(f"poses must be a dictionary with x, y, yaw for each name, not {reprlib.repr(poses)}")
+        for name, pose in (poses or {}).items():
+            if not isinstance(pose, Sequence | np.ndarray) or isinstance(pose, str) or len(pose) != 3:
+                raise CommandError(f"the pose of '{name}' must be x, y [m] and yaw [rad], not {reprlib.repr(pose)}")
+            placed[name] = self.on_ground(name, *pose)
+        fleet = self._compiled.fleet
+        if fleet.names:  # the traffic starts away from other vehicles and objects
+            others: list[tuple[float, float]] = []
+            for name in self._heights:
+                if name not in fleet.names:
+                    qpos = self._compiled.engine.body(name)[1]
+                    x, y = placed.get(name, self.initial[qpos : qpos + 2])[:2]
+                    others.append((float(x), float(y)))
+            starts = fleet.start_poses(seed, others)
+            placed = {name: self.on_ground(name, *pose) for name, pose in starts.items()} | placed
+        return self._checked_start(placed) if placed else self.initial
+
+    def _checked_start(self, poses: Mapping[str, Floats]) -> Floats:
+        """`initial` with these poses instead. Raises `CommandError` if one overlaps something."""
         c = self._compiled
-        start = start.copy()
+        start = self.initial.copy()
         for name, pose in poses.items():
             qpos = c.engine.body(name)[1]
             start[qpos : qpos + 7] = pose
@@ -89,6 +135,14 @@ class Poses:
                     getattr(c.state, f"wheel_{column}")[4 * i : 4 * i + 4] = 0.0
         observe(c.model, c.state)
 
+    def place_at_first(self, name: str, poses: Iterable[tuple[float, float, float]]) -> bool:
+        """Place a vehicle at the first of these poses on the ground (x, y [m], yaw [rad]) that is free; if one is."""
+        for pose in poses:
+            with contextlib.suppress(CommandError):  # the place is taken
+                self.place({name: self.on_ground(name, *pose)})
+                return True
+        return False
+
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
         """See `World.hold`."""
         self._controls.index(vehicle)
@@ -100,6 +154,14 @@ class Poses:
         except (CommandError, TypeError):
             raise CommandError(f"vehicle '{vehicle}' cannot be held at {position}, {orientation}: not a pose") from None
         self.held[vehicle] = tuple(pose.tolist())
+
+    def save(self) -> dict[str, tuple[float, ...]]:
+        """The vehicles that are held, for `restore`."""
+        return dict(self.held)
+
+    def restore(self, saved: Mapping[str, tuple[float, ...]]) -> None:
+        """Hold the vehicles that `save` returned."""
+        self.held = dict(saved)
 
     def apply_held(self) -> None:
         """Put the vehicles that are held back to their poses, at rest."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from autodrive.protocol.messages import Frame
 from autodrive.scenario.maps.light_programs import all_programs
 from autodrive.world.columns import Worlds, columns_of, each_column
 from autodrive.world.compile import CompiledScenario
-from autodrive.world.controls import VehicleControls
 
 
 class Snapshot(NamedTuple):
@@ -26,12 +24,9 @@ class Snapshot(NamedTuple):
     seed: int
     row: Worlds
     """Of the World; see `columns.saved_row`."""
-    race: Any
-    own_sensors: Any
-    cameras: Any
-    controls: Sequence[VehicleControls]
     weather: ChangingWeather
-    held: dict[str, tuple[float, ...]]
+    parts: dict[str, Any]
+    """What the parts of the World have saved that are not in its row, by name."""
     frame: Frame
 
 
@@ -49,10 +44,10 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 
-def check_snapshot(saved: object, world: str, map_: str, row: Worlds, *, needs_cameras: bool) -> None:
+def check_snapshot(saved: object, world: str, map_: str, row: Worlds, has_images: bool) -> None:
     """Raises `SnapshotError` unless it is a snapshot that fits the world with this identity, map and row.
 
-    `needs_cameras`: the world has cameras, whose state the snapshot must contain.
+    `has_images`: the world has cameras whose images a snapshot holds.
     """
     if not isinstance(saved, Snapshot):
         raise SnapshotError(f"restore() needs a Snapshot, which save() returns, not {type(saved).__name__}")
@@ -70,5 +65,5 @@ def check_snapshot(saved: object, world: str, map_: str, row: Worlds, *, needs_c
         raise SnapshotError("the state of the snapshot has other shapes than that of this world")
     if not np.isfinite(np.frombuffer(b"".join([column.tobytes() for column in saved.row.state]))).all():
         raise SnapshotError("the state of the snapshot has numbers that are not finite")
-    if saved.cameras is None and needs_cameras:
+    if has_images and saved.parts.get("cameras") is None:
         raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")

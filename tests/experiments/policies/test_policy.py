@@ -370,7 +370,7 @@ def test_a_racer_reads_what_the_environment_shows(grip: float, throttle: float) 
 
     racer = PolicyRacer(Spy("time_trial", INPUTS, (1.0,) * 57, (0.0, 1.0), random_policy().layers))
     for _ in range(60 if grip == 1.0 else 8):
-        episodes.advance(CarReadings.of_frame(world.frame))
+        episodes.advance(CarReadings.of(world.row.readings, 1))
         racer.act(world.frame.vehicles["V1"])
         expected = episodes.numbers()[0, places]
         assert seen[-1][[0, *range(2, 57)]] == pytest.approx(expected[[0, *range(2, 57)]], abs=1e-5)  # float32

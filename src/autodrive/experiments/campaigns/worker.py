@@ -53,19 +53,19 @@ class CampaignWorker:
         """Kill the process; may be called from another thread, whose run then has an error."""
         self._is_closed = True
         if (process := self._process) is not None:
-            process.kill()
+            process.terminate()
         self._end()
 
     @property
     def pid(self) -> int | None:
-        """Id of the process; None if there is none."""
+        """Id of the process, or of its keeper; None if there is none."""
         return None if self._process is None else self._process.pid
 
     def _answer(self, run: CampaignRun) -> RunResult:
         if self._process is None:
-            self._process = start_module("autodrive.experiments.campaigns.worker")
+            self._process = start_module("autodrive.experiments.campaigns.worker", has_children=True)
             if self._is_closed:  # meanwhile
-                self._process.kill()
+                self._process.terminate()
             self._send((self._campaign, self._workplace))
         self._send(run)
         assert self._process.stdout is not None
@@ -85,7 +85,7 @@ class CampaignWorker:
         try:
             process.wait(END_TIME)
         except subprocess.TimeoutExpired:
-            process.kill()
+            process.terminate()
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):

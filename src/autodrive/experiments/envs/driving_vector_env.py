@@ -239,7 +239,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         return self._episodes.advance(self._cars(), is_unstable, self._actions)
 
     def _cars(self) -> CarReadings:
-        return CarReadings.of_batch(self.batch.readings, self.car_count)
+        return CarReadings.of(self.batch.readings, self.car_count)
 
     def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""

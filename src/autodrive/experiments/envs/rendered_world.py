@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.experiments.envs.task import CarReadings
-from autodrive.protocol.messages import BackOnRoad, Command, Frame, OffRoad, RedLight, Reset, StopSign, Weather
+from autodrive.protocol.messages import Command, Frame, Weather
 from autodrive.world.factory import compile_scenario, world_of
-from autodrive.world.observer import Request, ResetTo
 
 if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Ground
@@ -47,33 +46,6 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
     return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
 
 
-class OffenceCounter:
-    """Counts the events `RedLight` and `StopSign` of each vehicle in an episode, and knows which are off the road."""
-
-    def __init__(self, vehicles: Sequence[str]) -> None:
-        self.counts = {name: [0, 0] for name in vehicles}
-        self.off_road: set[str] = set()
-
-    def given(self, commands: Mapping[str, Command]) -> None:
-        """Nothing to count."""
-
-    def executed(self, request: Request) -> None:
-        """A reset begins an episode."""
-        if isinstance(request, Reset | ResetTo):
-            self.counts = {name: [0, 0] for name in self.counts}
-            self.off_road.clear()
-
-    def publish(self, frame: Frame) -> None:
-        """Count what happened."""
-        for event in frame.events:
-            if isinstance(event, RedLight | StopSign):
-                self.counts[event.vehicle][isinstance(event, StopSign)] += 1
-            elif isinstance(event, OffRoad):
-                self.off_road.add(event.vehicle)
-            elif isinstance(event, BackOnRoad):
-                self.off_road.discard(event.vehicle)
-
-
 class RenderedWorld:
     """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
 
@@ -95,7 +67,6 @@ class RenderedWorld:
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
         self._compiled = compile_scenario(scenario)
-        self._offences = OffenceCounter([*self._compiled.vehicles])
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
@@ -111,7 +82,6 @@ class RenderedWorld:
         later, such as those of `gymnasium.vector.AsyncVectorEnv`.
         """
         world = world_of(self._compiled, cameras=self._cameras if self._has_camera else False)
-        world.observers.append(self._offences)
         self._open.callback(world.close)
         return world
 
@@ -158,7 +128,8 @@ class RenderedWorld:
     @property
     def cars(self) -> CarReadings:
         """What the environments read of the cars."""
-        return CarReadings.of_frame(self.world.frame, self._offences.counts, self._offences.off_road)
+        own = len(self._compiled.vehicles) - len(self._compiled.fleet.names)
+        return CarReadings.of(self.world.row.readings, own)
 
     def _check_open(self) -> None:
         if self._is_closed:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,9 +19,8 @@ from autodrive.base.jit import jit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.protocol.messages import Frame, HeardVehicle
     from autodrive.scenario import ScenarioSpec
-    from autodrive.world.batch import Readings
+    from autodrive.world.readings import Readings
 
 Observation: TypeAlias = Literal["state", "lidar", "camera"]
 Ground: TypeAlias = tuple[float, float, float]
@@ -68,40 +67,10 @@ class CarReadings(NamedTuple):
     """Whether a wheel is outside the drivable area, shape (n,)."""
 
     @classmethod
-    def of_frame(
-        cls, frame: Frame, offences: Mapping[str, Sequence[int]] | None = None, off_road: Collection[str] = ()
-    ) -> CarReadings:
-        """The cars of one world, without the traffic. `offences`: of each car by name; None: unknown, and 0.
-
-        `off_road`: names of the cars that are outside the drivable area.
-        """
-        own = [(name, car) for name, car in frame.vehicles.items() if not car.is_traffic]
-        cars = [car for _, car in own]
-        objects = [one.pose.position for one in frame.objects.values()]
-        scans = [car.lidar for car in cars if car.lidar is not None]
-        assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
-        of_cars: list[Any] = [np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:6]]
-        values: list[Any] = [
-            np.full(len(cars), frame.time),
-            np.array([car.pose.position for car in cars]),
-            np.array([car.pose.orientation for car in cars]),
-            *of_cars,
-            np.array([car.encoders.angles for car in cars]),
-            np.array([car.collision_count for car in cars]),
-            np.array([scan.time for scan in scans]),
-            np.array([scan.ranges for scan in scans]),
-            np.array([offences[name] if offences else (0, 0) for name, _ in own], np.int64),
-            _heard(frame),
-            np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
-            np.array([name in off_road for name, _ in own]),
-        ]
-        return cls._make(values)
-
-    @classmethod
-    def of_batch(cls, readings: Readings, count: int) -> CarReadings:
+    def of(cls, readings: Readings, count: int) -> CarReadings:
         """The first `count` cars of all worlds, one world after the other.
 
-        They may be views, which the next step of the batch overwrites.
+        They may be views, which the next step of the worlds overwrites.
         """
         n = len(readings.position)
         columns = [getattr(readings, name) for name in cls._fields[1:10]]
@@ -116,21 +85,6 @@ class CarReadings(NamedTuple):
         """The readings of some of the cars."""
         some: list[Any] = [values[rows] for values in self]
         return CarReadings(*some)
-
-
-def _heard(frame: Frame) -> Floats:
-    """See `CarReadings.heard`."""
-    rows = [
-        [_message(reading.vehicles.get(name)) for name in frame.vehicles] if reading is not None else []
-        for reading in (car.v2x for car in frame.vehicles.values() if not car.is_traffic)
-    ]
-    return np.array(rows, np.float64).reshape(len(rows), -1, 8)
-
-
-def _message(heard: HeardVehicle | None) -> list[float]:
-    if heard is None:
-        return [math.nan] * 8
-    return [heard.sent, heard.received, *heard.position.tolist(), heard.yaw, heard.speed, heard.steering]
 
 
 CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])

@@ -51,6 +51,28 @@ class CameraBackend(Protocol):
         ...
 
 
+class NoCameras:
+    """The backend of a World without cameras."""
+
+    has_pending_images = is_thread_bound = False
+
+    def update(self, frame: Frame, *, redraw: bool = False) -> Frame:
+        """Return the Frame as it is, without images."""
+        return frame
+
+    def reset(self, seed: int) -> None:
+        """Nothing."""
+
+    def save(self) -> None:
+        """Nothing."""
+
+    def restore(self, saved: Any) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
 def with_images(frame: Frame, images: Images) -> Frame:
     """The Frame with these images in place of its own; the same object if it has them already."""
     if all(frame.vehicles[vehicle].cameras.get(camera) is image for (vehicle, camera), image in images.items()):

@@ -1,6 +1,6 @@
 """Many worlds of one scenario, which one compiled call steps: for learning and parameter sweeps."""
 
 from autodrive.world.batch.batch_world import BatchWorld as BatchWorld
-from autodrive.world.batch.readings import Readings as Readings
+from autodrive.world.readings import Readings as Readings
 
 __all__ = ["BatchWorld", "Readings"]

@@ -32,11 +32,11 @@ from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.batch.readings import Readings, readings_of
 from autodrive.world.columns import Rows, rows_of_batch
 from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
+from autodrive.world.readings import Readings, readings_of
 from autodrive.world.rules import rules
 from autodrive.world.tick import begin_worlds, step_worlds
 

@@ -167,11 +167,14 @@ def _is_within(time: float, first: float, last: float) -> bool:
     return (is_after and is_before) if first <= last else (is_after or is_before)
 
 
-def frames(names: Sequence[str], columns: LightColumns) -> dict[str, TrafficLightFrame]:
-    """What the lights of a World show."""
-    rows = zip(
-        names, columns.state[0].tolist(), columns.time_to_change[0].tolist(), columns.mode[0].tolist(), strict=True
-    )
+def row_of(columns: LightColumns) -> LightColumns:
+    """Views of the row of a World, shape (l,) each."""
+    return LightColumns(*(column[0] for column in columns))
+
+
+def frames(names: Sequence[str], row: LightColumns) -> dict[str, TrafficLightFrame]:
+    """What the lights of a World show; `row`: see `row_of`."""
+    rows = zip(names, row.state.tolist(), row.time_to_change.tolist(), row.mode.tolist(), strict=True)
     return {
         name: TrafficLightFrame(STATES[state], time if time == time else None, MODES[mode])  # noqa: PLR0124  nan
         for name, state, time, mode in rows
@@ -186,4 +189,4 @@ def frames_at_start(c: CompiledScenario) -> dict[str, TrafficLightFrame]:
     """What the lights show after a reset of a World with a fixed light."""
     shown = columns(c, 1)
     show(0, 0, np.nan, table(c), shown)
-    return frames(c.map.traffic_lights, shown)
+    return frames(c.map.traffic_lights, row_of(shown))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Mapping
 from typing import Protocol
 
 from autodrive.protocol.messages import Command, Frame, Operation
@@ -17,16 +16,6 @@ class Sink(Protocol):
 
     def publish(self, frame: Frame) -> None:
         """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
-
-
-class Observer(Sink, Protocol):
-    """A Sink that also learns what the World is given, for example a recorder."""
-
-    def given(self, commands: Mapping[str, Command]) -> None:
-        """The next tick runs with these commands."""
-
-    def executed(self, request: Operation) -> None:
-        """A request was executed; its Frame follows, if it made one."""
 
 
 class Control(Protocol):

@@ -16,12 +16,10 @@ from autodrive.protocol.messages import (
     AddBox,
     CloseLoop,
     Command,
-    Draw,
     EditMap,
     EditTrack,
     Frame,
     GenerateTrack,
-    Hold,
     LoadScenario,
     Operation,
     Pause,
@@ -34,14 +32,9 @@ from autodrive.protocol.messages import (
     SaveMap,
     SaveScenario,
     SetDrivingMode,
-    SetSceneLight,
     SetSensor,
     SetSpeed,
-    SetTimeOfDay,
-    SetTrafficLight,
-    SetWeather,
     Step,
-    Teleport,
     Undo,
     UseMap,
 )
@@ -55,7 +48,6 @@ if TYPE_CHECKING:
     from autodrive.scenario.descriptions import Descriptions
     from autodrive.world import World
     from autodrive.world.simulation.clock import Clock
-    from autodrive.world.simulation.control import Observer
 
 NO_COMMANDS: Mapping[str, Command] = {}
 
@@ -342,8 +334,8 @@ class Simulation(Paced):
                 self.error = ""
             case SetSpeed(factor=factor):
                 self._pace.set_speed(factor, self._clock.now())
-            case Reset(seed=seed):
-                self.world.reset(seed)
+            case Reset():
+                self.world.apply(request)
                 self._editor.on_reset()
                 self._end_renewal()
                 self.error = ""
@@ -357,26 +349,11 @@ class Simulation(Paced):
                 self._use(self._editor.redo(self.world))
             case SaveScenario() | SaveMap():
                 pass  # the caller reads the scenario from the world; the request only waits for earlier ones
-            case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
-                self.world.teleport(vehicle, x, y, yaw)
-            case Hold(vehicle=vehicle, position=position, orientation=orientation):
-                self.world.hold(vehicle, position, orientation)
-            case SetSceneLight(enabled=enabled):
-                self.world.set_scene_light(enabled)
-            case SetTimeOfDay(time=time_of_day, scale=scale):
-                self.world.set_time_of_day(time_of_day, scale)
-            case SetWeather(weather=weather, keeps_ground=keeps_ground):
-                self.world.set_weather(weather, keeps_ground=keeps_ground)
-            case Draw():
-                self.world.show_drawings(request)
-            case SetTrafficLight(light=light, state=state):
-                self.world.set_traffic_light(light, state)
-            case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
-                self.world.set_driving_mode(vehicle, is_autonomous)
+            case SetDrivingMode(vehicle=vehicle) | Retire(vehicle=vehicle):
+                self.world.apply(request)
                 self._end_renewal([vehicle])
-            case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
-                self.world.retire(vehicle, reason, is_disqualified=is_disqualified)
-                self._end_renewal([vehicle])
+            case _:
+                self.world.apply(request)
         for observer in self._observers:
             observer.executed(request)
         if self.world.frame is not self._frame:

@@ -1,4 +1,4 @@
-"""What a batch reports: the state of all vehicles and the latest readings of their sensors, as arrays."""
+"""The rows of worlds as arrays: the state of all vehicles and the latest readings of their sensors."""
 
 from __future__ import annotations
 

@@ -1,0 +1,195 @@
+"""What a World does for each request; `World.apply` is the door."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from autodrive.base.errors import CommandError
+from autodrive.protocol.commands import check_flag, check_seed, check_weather
+from autodrive.protocol.drawing import drawn_after
+from autodrive.protocol.messages import (
+    Draw,
+    Event,
+    Hold,
+    RaceStatus,
+    Reset,
+    Retire,
+    SetDrivingMode,
+    SetSceneLight,
+    SetTimeOfDay,
+    SetTrafficLight,
+    SetWeather,
+    Teleport,
+    Weather,
+)
+from autodrive.protocol.native import Drawn
+from autodrive.scenario.maps.map import Map
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.conditions import Conditions
+from autodrive.world.controls import Controls
+from autodrive.world.observer import Request, ResetTo, SetPoses, hold, plain
+from autodrive.world.poses import Poses
+from autodrive.world.racing import Move, Race
+from autodrive.world.row import Row
+from autodrive.world.rules import lights
+from autodrive.world.rules.daylight import SceneLight
+
+
+class World(Protocol):
+    """What requests read and change of a World; see `autodrive.world.World`."""
+
+    map: Map
+    compiled: CompiledScenario
+    vehicle_names: list[str]
+    race: Race | None
+    seed: int
+    drawings: dict[str, Drawn]
+    controls: Controls
+    conditions: Conditions
+    poses: Poses
+    row: Row
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the reset [s]."""
+        ...
+
+    def begin(self, seed: int, poses: Mapping[str, Sequence[float]] | None, weather: Weather | None) -> None:
+        """Start again."""
+
+    def set_back(self, moves: Sequence[Move]) -> bool:
+        """Place vehicles where the rules of the race want them; whether one was placed."""
+        ...
+
+    def note_moved(self, i: int) -> None:
+        """Vehicle i was placed by hand."""
+
+
+class Change(NamedTuple):
+    """What a request has changed."""
+
+    request: Request
+    """As the observers are told, with values that can be recorded."""
+    events: tuple[Event, ...] = ()
+    is_moved: bool = False
+    """Whether images of the cameras are outdated."""
+    has_frame: bool = True
+    """Whether a Frame follows."""
+
+
+def _reset(world: World, request: Reset | ResetTo) -> Change:
+    poses, weather = (None, None) if isinstance(request, Reset) else (request.poses, request.weather)
+    if request.seed is not None:
+        check_seed(request.seed)
+    if weather is not None:
+        check_weather(weather)
+    world.begin(world.seed if request.seed is None else int(request.seed), poses, weather)
+    return Change(ResetTo(request.seed, plain(poses or {}), weather) if poses or weather else Reset(request.seed))
+
+
+def _teleport(world: World, request: Teleport) -> Change:
+    name, x, y, yaw = request.vehicle, request.x, request.y, request.yaw
+    _place(world, {name: world.poses.on_ground(name, x, y, yaw)})
+    return Change(Teleport(name, float(x), float(y), float(yaw)), is_moved=True)
+
+
+def _set_poses(world: World, request: SetPoses) -> Change:
+    _place(world, request.poses)
+    return Change(SetPoses(plain(request.poses)), is_moved=True)
+
+
+def _place(world: World, poses: Mapping[str, Any]) -> None:
+    world.poses.place(poses)
+    for i, name in enumerate(world.vehicle_names):
+        if name in poses:
+            world.note_moved(i)
+
+
+def _hold(world: World, request: Hold) -> Change:
+    world.poses.hold(request.vehicle, request.position, request.orientation)
+    return Change(hold(request.vehicle, request.position, request.orientation), has_frame=False)
+
+
+def _set_driving_mode(world: World, request: SetDrivingMode) -> Change:
+    vehicle, is_autonomous = request.vehicle, request.is_autonomous
+    check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
+    number = world.controls.index(vehicle)
+    world.controls.check_obeys(vehicle)
+    world.controls.vehicles[number].is_autonomous = bool(is_autonomous)
+    return Change(SetDrivingMode(vehicle, bool(is_autonomous)))
+
+
+def _retire(world: World, request: Retire) -> Change | None:
+    vehicle, reason, race = request.vehicle, request.reason, world.race
+    i = world.controls.index(vehicle)
+    if race is None:
+        raise CommandError(f"vehicle '{vehicle}' cannot retire: the scenario has no race")
+    check_flag(request.is_disqualified, f"is_disqualified of vehicle '{vehicle}'")
+    if not isinstance(reason, str):
+        raise CommandError(f"the reason to retire vehicle '{vehicle}' must be a text, not {reprlib.repr(reason)}")
+    if race.status(i) not in (RaceStatus.WAITING, RaceStatus.RACING):
+        return None
+    status = RaceStatus.DISQUALIFIED if request.is_disqualified else RaceStatus.RETIRED
+    event, moves = race.end(i, status, reason, world.time, world.compiled.state.vehicle_position)
+    return Change(request, (event,), is_moved=world.set_back(moves))
+
+
+def _set_scene_light(world: World, request: SetSceneLight) -> Change:
+    check_flag(request.enabled, "the scene light")
+    return _set_light(world, SceneLight(bool(request.enabled)), SetSceneLight(bool(request.enabled)))
+
+
+def _set_time_of_day(world: World, request: SetTimeOfDay) -> Change:
+    light = world.conditions.light.following(request.time, request.scale, world.time)
+    return _set_light(world, light, request)
+
+
+def _set_light(world: World, light: SceneLight, request: Request) -> Change:
+    before = world.conditions.light.at(world.time)
+    world.conditions.set_light(light)
+    world.row.show_lights()
+    return Change(request, is_moved=before != light.at(world.time))
+
+
+def _set_weather(world: World, request: SetWeather) -> Change:
+    conditions, weather = world.conditions, request.weather
+    check_weather(weather)
+    if request.keeps_ground:
+        weather = conditions.with_kept_ground(weather)
+    before = conditions.shown
+    conditions.set_weather(weather, world.row.tick, world.seed)
+    return Change(SetWeather(weather), is_moved=before != conditions.shown)
+
+
+def _set_traffic_light(world: World, request: SetTrafficLight) -> Change:
+    light, columns = request.light, world.row.rules.lights
+    state = lights.set_light(world.map.traffic_lights, columns, light, request.state)
+    world.row.show_lights()
+    return Change(SetTrafficLight(light, state), is_moved=True)
+
+
+def _draw(world: World, request: Draw) -> Change:
+    world.drawings = drawn_after(world.drawings, request, world.time)
+    return Change(request, has_frame=False)
+
+
+EXECUTE: Mapping[type, Callable[[World, Any], Change | None]] = {
+    Reset: _reset,
+    ResetTo: _reset,
+    Teleport: _teleport,
+    SetPoses: _set_poses,
+    Hold: _hold,
+    SetDrivingMode: _set_driving_mode,
+    Retire: _retire,
+    SetSceneLight: _set_scene_light,
+    SetTimeOfDay: _set_time_of_day,
+    SetWeather: _set_weather,
+    SetTrafficLight: _set_traffic_light,
+    Draw: _draw,
+}
+"""A function for each kind of request, which returns None if nothing was to be done.
+
+It raises `CommandError` for wrong values; then nothing has changed.
+"""
