@@ -183,11 +183,11 @@ class WireMessage:
         if self.name not in self._schemas:
             return message_factory.GetMessageClass(own)
         try:
-            theirs_described = self._schemas[self.name].FindMessageTypeByName(self.name)
+            foreign = self._schemas[self.name].FindMessageTypeByName(self.name)
         except KeyError:
             raise RecordingError(f"the schema of '{self.name}' is damaged: it does not describe it") from None
-        _check_types(theirs_described, own, set())
-        return message_factory.GetMessageClass(theirs_described)
+        _check_types(foreign, own, set())
+        return message_factory.GetMessageClass(foreign)
 
 
 # -- schemas -------------------------------------------------------------------------------------------------------
@@ -212,9 +212,9 @@ def _check_types(foreign: Any, own: Any, seen: set[str]) -> None:
     if own.full_name in seen:
         return
     seen.add(own.full_name)
-    foreign_types, ours = _types(foreign), _types(own)
-    for name in foreign_types.keys() & ours.keys():
-        if foreign_types[name] != ours[name]:
+    foreign_types, own_types = _types(foreign), _types(own)
+    for name in foreign_types.keys() & own_types.keys():
+        if foreign_types[name] != own_types[name]:
             raise RecordingError(f"in the file, the field '{name}' of '{own.full_name}' has another type than here")
         inner = own.fields_by_name[name].message_type
         if inner is not None:

@@ -186,7 +186,7 @@ class BatchRenderer(Renderer):
             level[0, i, :, :2] = middle[:2] + corners * (half / OUTLINE + DIM)
             level[1, i, :, :2] = middle[:2] + corners * (half / OUTLINE + STEP)
         turns = np.swapaxes(roots[..., :3, :3], -1, -2)
-        below, shade = (corners_of_all @ turns + roots[..., None, :3, 3] for corners_of_all in level)
+        below, shade = (outlines @ turns + roots[..., None, :3, 3] for outlines in level)
         points = np.concatenate([below, shade + np.array([*drift, 0.0])], axis=2)
         points = np.concatenate([points - np.array([0.0, 0.0, DIM]), points + np.array([0.0, 0.0, STEP])], axis=2)
         inside = points @ np.swapaxes(planes[:, None, :, :3], -1, -2) + planes[:, None, None, :, 3] > 0.0

@@ -181,7 +181,7 @@ class DrawList:
         if not lit.beams and not lit.lamps:
             return lit
         slots = [*range(self.n_beam), *range(BEAMS, BEAMS + len(self.lamps) - self.n_beam)]
-        seen = {slot for slot, is_one in zip(slots, is_lit.tolist(), strict=True) if is_one}
+        seen = {slot for slot, is_seen in zip(slots, is_lit.tolist(), strict=True) if is_seen}
         beams, lamps = ([slot for slot in own if slot in seen] for own in (lit.beams, lit.lamps))
         return lit._replace(beams=filled(beams, BEAM_COUNTS, NO_BEAM), lamps=filled(lamps, LAMP_COUNTS, NO_LAMP))
 

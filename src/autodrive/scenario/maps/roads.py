@@ -120,7 +120,7 @@ def roads(map_: Map, clearance: float) -> Roads:
             rivals[first].append((second, end, _yields(graph, minor, turn, i, k)))
     lights = {name: k for k, name in enumerate(map_.traffic_lights)}
     turns = [turn.get(chain[0], 0.0) for chain in chains]
-    its_stop = [stops.get(chain[0]) for chain in chains]
+    stop_of = [stops.get(chain[0]) for chain in chains]
     return Roads(
         point_first=_firsts([len(line) for line in points]),
         points=np.vstack([_with_directions(line) for line in points]) if points else np.empty((0, 4)),
@@ -129,10 +129,10 @@ def roads(map_: Map, clearance: float) -> Roads:
         successor_first=_firsts([len(next_of[chain[-1]]) for chain in chains]),
         successor=_integers([link_of[k] for chain in chains for k in next_of[chain[-1]]]),
         is_gate=_integers([int(chain[0] in gates) for chain in chains]),
-        stop_at=np.array([stop[0] if stop else 0.0 for stop in its_stop]),
+        stop_at=np.array([stop[0] if stop else 0.0 for stop in stop_of]),
         turn=_integers([int(angle > STRAIGHT) - int(angle < -STRAIGHT) for angle in turns]),
-        light=_integers([lights.get(stop[1].prop, -1) if stop else -1 for stop in its_stop]),
-        is_stop=_integers([int(stop is not None and stop[1].kind == "stop") for stop in its_stop]),
+        light=_integers([lights.get(stop[1].prop, -1) if stop else -1 for stop in stop_of]),
+        is_stop=_integers([int(stop is not None and stop[1].kind == "stop") for stop in stop_of]),
         critical_gap=np.array([_critical_gap(chain[0] in minor, t) for chain, t in zip(chains, turns, strict=True)]),
         conflict_first=_firsts([len(conflicts) for conflicts in rivals]),
         conflict=_integers([other for conflicts in rivals for other, _, _ in conflicts]),
