@@ -116,7 +116,9 @@ def test_a_difference_is_named(drive: Drive) -> None:
 def test_the_command_prints_identical_or_the_first_difference(tmp_path: Path) -> None:
     for gravity, code, text in ((9.81, 0, "identical"), (9.0, 1, "different at tick 1 (0.01 s): vehicles.V1.")):
         world = autodrive.make("plane")
-        world.spec = world.spec.model_copy(update={"gravity": gravity})  # what was simulated is not what is recorded
+        world.conditions.spec = world.spec.model_copy(
+            update={"gravity": gravity}
+        )  # what was simulated is not what is recorded
         path = tmp_path / f"{gravity}.mcap"
         with Recorder(path, world, has_meshes=False):
             for _ in range(5):

@@ -24,7 +24,6 @@ from autodrive.experiments.envs.task import CarReadings, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.experiments.policies.racer import PolicyRacers
-from autodrive.protocol.messages import Command
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
@@ -231,15 +230,15 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     world_seed, starts = int(rng.integers(2**31)), task.starts(rng)
     poses = {name: pose for start in starts for name, pose in start.poses.items()}
     names, seen = list(task.scenario.vehicles), Episodes(task, "state", len(starts))
-    rendered.reset(world_seed, poses)
-    cars = rendered.cars
+    cars = CarReadings.of(
+        rendered.reset([0], [world_seed], poses={name: [pose] for name, pose in poses.items()}), len(starts)
+    )
     seen.begin(np.arange(len(starts)), starts, cars)
     tally, act = _Tally(task, len(names)), team.start(len(names))
     for step in range(STEPS[task.name]):
         commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
-        rendered.step({name: Command(*command) for name, command in zip(names, commands.tolist(), strict=True)})
-        cars = rendered.cars
+        cars = CarReadings.of(rendered.step(commands[None], TICKS), len(names))
         outcome = seen.advance(cars)
         is_late = step + 1 == STEPS[task.name]
         tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)

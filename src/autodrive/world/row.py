@@ -13,7 +13,7 @@ from autodrive.base.pinned import Pinned
 from autodrive.physics.sensors.columns import SensorTables
 from autodrive.physics.state import BODY_COLUMNS, State, numbers
 from autodrive.physics.tick import place
-from autodrive.protocol.messages import Event, Lights
+from autodrive.protocol.messages import Event, Lights, TrafficLightFrame
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
@@ -33,7 +33,7 @@ class Row:
         self.rows = rows_of_world(compiled, controls.throttle, controls.steering, engine)
         """All numbers; what changes them changes the results."""
         self.rules = self.rows.worlds.rules
-        self.lights = lights.row_of(self.rules.lights)
+        self._lights, self._light_names = lights.row_of(self.rules.lights), compiled.map.traffic_lights
         self._pinned = Pinned(self.rows)
         self._time = np.zeros(1)
         self._readings = readings_of(self.rows.worlds, self._time, len(compiled.objects))
@@ -57,7 +57,7 @@ class Row:
         fixed = c.model.shapes.n_fixed
         c.state.shape_position[:fixed] = c.model.shapes.position[:fixed]
         c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
-        self.rows.worlds.tick[0] = 0
+        self.rows.worlds.tick[0], self.rows.worlds.is_unstable[0] = 0, False
         rules.begin(c, self.rules, rules.FIRST, [seed])
         place(c.model, c.state, c.views)
         self.hear()
@@ -106,6 +106,11 @@ class Row:
         """Make messages of what the vehicles have heard by radio."""
         self.heard = radio.readings(self._compiled, self.rules.radio)
 
+    @property
+    def lights(self) -> dict[str, TrafficLightFrame]:
+        """What the traffic lights show."""
+        return lights.frames(self._light_names, self._lights)
+
     def show_lights(self) -> None:
         """Let the traffic lights follow a change."""
         if self._show_lights is not None:
@@ -127,7 +132,10 @@ class Row:
 
     def move(self) -> bool:
         """Move the bodies by a tick; False if the physics has diverged."""
-        return self._move(self._pinned, 0)
+        is_sound = self._move(self._pinned, 0)
+        if not is_sound:
+            self.rows.worlds.is_unstable[0] = True
+        return is_sound
 
     def judge(self, time: float) -> tuple[Event, ...]:
         """Let the rules judge the tick that has ended at `time` [s]; the events."""

@@ -52,7 +52,6 @@ from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
 from autodrive.world.requests import EXECUTE
 from autodrive.world.row import Row
-from autodrive.world.rules import lights
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
 
 if TYPE_CHECKING:
@@ -208,7 +207,7 @@ class World(OneThread):
             self.row.rules.collisions.total[0].tolist(),
             events,
             races=self.race and self.race.states(time),
-            traffic_lights=lights.frames(self.map.traffic_lights, self.row.lights),
+            traffic_lights=self.row.lights,
             heard=self.row.heard,
         )
         return self._publish(self._cameras.update(frame, redraw=is_moved))

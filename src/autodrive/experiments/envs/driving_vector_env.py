@@ -20,6 +20,7 @@ from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.conditions import WEATHER, Conditions, Range, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.own_rules import End, Reward
+from autodrive.experiments.envs.remade import Remade
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import (
     Action,
@@ -43,7 +44,7 @@ MOST_ENVS, MOST_STEPS = 2**20, 2**53
 """Limits of `num_envs` and `max_episode_steps`."""
 
 
-class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
+class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     """Environment k has the bits of a `DrivingEnv` that is reset with its seed and driven with its actions.
 
     If the scenario of the task has several cars, environment k is car k % cars of world k // cars. The episodes of a
@@ -88,17 +89,16 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
         name = task if isinstance(task, str) else None
-        checked = Settings(name, observation, action, frame_skip, traffic=traffic, offence_cost=offence_cost)
+        checked = Settings(
+            name, observation, action, frame_skip, render_mode, traffic=traffic, offence_cost=offence_cost
+        )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = made_task(task, frame_skip, map, traffic)
         self.settings = replace(checked, choices=self.task.choices)
         self.conditions = Conditions(fog=fog, rain=rain, snow=snow)
         seen = observation or self.task.observation
-        if render_mode is not None:
-            raise SpecError(
-                [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
-            )
+        self._has_camera = seen == "camera"
         if max_episode_steps == -1:  # as in gymnasium.make
             max_episode_steps = None
         steps = 1 if max_episode_steps is None else max_episode_steps
@@ -115,16 +115,24 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._max_steps = max_episode_steps
-        self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
+        self.batch: BatchWorld = self._worlds(num_envs // self.car_count, threads)
         """The worlds."""
-        self._has_camera = seen == "camera"
         self._episodes = Episodes(self.task, seen, num_envs, offence_cost, reward, end)
         self._actions = np.zeros((num_envs, 2))
         """Throttle and steering of the last step."""
+        self._has_offences = bool(self.batch.map.stop_lines)
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
         self._has_ended = np.zeros(num_envs, np.bool_)
+
+    def _worlds(self, count: int, threads: int | None) -> Any:
+        """A batch of that number of worlds, or what does its work."""
+        if (mode := self.settings.render_mode) is not None:
+            raise SpecError(
+                [f"render_mode {mode!r}: a vector environment draws no images for people; use gymnasium.make"]
+            )
+        return BatchWorld(self.task.scenario, count, threads=threads)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -203,8 +211,11 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         numbers = self._episodes.numbers()
         if not self._has_camera:
             return numbers
-        images = self._camera.render(self.batch.readings, weather=self.batch.weathers)
-        return {"image": images, "state": numbers}
+        return {"image": self._images(), "state": numbers}
+
+    def _images(self) -> NDArray[np.uint8]:
+        """Of the front cameras, shape (num_envs, height, width, 3)."""
+        return self._camera.render(self.batch.readings, weather=self.batch.weathers)
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the environments, shape (num_envs, ...), as those of worlds and cars, shape (worlds, cars, ...)."""
@@ -236,7 +247,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _judge(self) -> Outcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
-        return self._episodes.advance(self._cars(), is_unstable, self._actions)
+        self._seen = self._cars()
+        return self._episodes.advance(self._seen, is_unstable, self._actions)
 
     def _cars(self) -> CarReadings:
         return CarReadings.of(self.batch.readings, self.car_count)
@@ -244,6 +256,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""
         ended = outcome.has_ended
+        if self.car_count == 1:
+            return ended, is_late
         is_over = np.repeat(self._of_worlds(ended | is_late).any(axis=1), self.car_count)
         return ended, is_late | (is_over & ~ended)
 
@@ -259,8 +273,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
         """What the infos say after a step."""
         values: dict[str, NDArray[Any]] = {"is_success": outcome.is_success}
-        if self.batch.map.stop_lines:
-            values |= zip(OFFENCES, self._cars().offences.T, strict=True)
+        if self._has_offences:
+            values |= zip(OFFENCES, self._seen.offences.T, strict=True)
         return values
 
     def _final(self, ended: Bools, values: dict[str, NDArray[Any]]) -> dict[str, Any]:
@@ -289,7 +303,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
 def _masked(values: dict[str, NDArray[Any]], mask: Bools) -> dict[str, NDArray[Any]]:
     """An info with these values of the environments of a mask, and the mask of each."""
-    masked = {name: np.where(mask, one, np.zeros_like(one)) for name, one in values.items()}
+    masked = values
+    if not mask.all():
+        masked = {name: np.where(mask, column, np.zeros_like(column)) for name, column in values.items()}
     return masked | {f"_{name}": mask.copy() for name in values}
 
 

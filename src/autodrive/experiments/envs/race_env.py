@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.roboracer_env import RoboRacerVectorEnv
 from autodrive.experiments.envs.settings import checked_cars
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
@@ -82,15 +81,6 @@ class RaceParallelEnv(SeveralCarsParallelEnv):
         settings |= {"laps": laps, "max_episode_steps": max_episode_steps, "observation": observation}
         count = checked_cars(cars)
         super().__init__(RaceVectorEnv(count, cars=count, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))
-
-    @property
-    def conditions(self) -> Conditions:
-        """Friction, mass, noise, latency and weather of the episodes that follow."""
-        return self.vector.conditions
-
-    @conditions.setter
-    def conditions(self, conditions: Conditions) -> None:
-        self.vector.conditions = conditions
 
     @property
     def distance(self) -> Floats:

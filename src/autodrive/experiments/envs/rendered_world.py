@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.errors import CommandError
+from autodrive.base.errors import CommandError, EngineError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
-from autodrive.experiments.envs.task import CarReadings
-from autodrive.protocol.messages import Command, Frame, Weather
+from autodrive.protocol.messages import Command, Weather
 from autodrive.world.factory import compile_scenario, world_of
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from autodrive.base.arrays import Integers
     from autodrive.experiments.envs.task import Ground
     from autodrive.graphics.cameras.backend import CameraBackend
     from autodrive.graphics.render.renderer import Renderer
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.batch_camera import BatchCamera
     from autodrive.world.compile import CompiledScenario
+    from autodrive.world.readings import Readings
     from autodrive.world.simulation import Simulation
     from autodrive.world.world import World
 
@@ -47,7 +51,9 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
 
 
 class RenderedWorld:
-    """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
+    """The World of an environment in the place of a batch of one world; with 'human', in real time and in the page."""
+
+    n = 1
 
     def __init__(
         self,
@@ -64,9 +70,14 @@ class RenderedWorld:
         """
         self._settings, self._has_camera = settings, has_camera
         self._port, self._is_real_time = port, is_real_time
+        self._compiled = compile_scenario(scenario)
+        self.map = self._compiled.map
+        self.tick_duration = scenario.tick
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
-        self._compiled = compile_scenario(scenario)
+        traffic = self._compiled.fleet.names
+        self.commanded_names = [name for name in self._compiled.vehicles if name not in traffic]
+        """The vehicles that obey commands."""
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
@@ -85,26 +96,53 @@ class RenderedWorld:
         self._open.callback(world.close)
         return world
 
-    def reset(self, seed: int, poses: Mapping[str, Ground], weather: Weather | None = None) -> Frame:
-        """Start an episode; `weather`: None: that of the scenario."""
+    @property
+    def readings(self) -> Readings:
+        """Of the present instant."""
+        return self.world.row.readings
+
+    @property
+    def images(self) -> NDArray[np.uint8]:
+        """The image of the front camera of each car that obeys commands, RGB, shape (v, height, width, 3)."""
+        cars = self.world.frame.vehicles
+        return np.stack([cars[name].cameras[CAMERA].rgb for name in self.commanded_names])
+
+    def reset(
+        self,
+        worlds: ArrayLike,
+        seeds: Sequence[int] | Integers,
+        *,
+        poses: Mapping[str, ArrayLike],
+        weather: Sequence[Weather] | None = None,
+    ) -> Readings:
+        """Start an episode; the arguments are those of `BatchWorld.reset`, with one world."""
         self._check_open()
         self._due = time.monotonic()
-        return self.world.reset(seed, poses=poses, weather=weather)
+        starts: dict[str, Ground] = {name: np.asarray(pose)[0].tolist() for name, pose in poses.items()}
+        self.world.reset(int(seeds[0]), poses=starts, weather=weather[0] if weather else None)
+        return self.readings
 
-    def step(self, commands: Mapping[str, Command]) -> Frame:
-        """Run the ticks of one action. Raises `EngineError` if the physics became unstable."""
+    def step(self, commands: NDArray[Any], ticks: int, worlds: NDArray[np.bool_] | None = None) -> Readings:
+        """Run the ticks of one action; the arguments are those of `BatchWorld.step`, with one world."""
         self._check_open()
+        if worlds is not None and not worlds[0]:
+            return self.readings
+        given = {name: Command(*row) for name, row in zip(self.commanded_names, commands[0].tolist(), strict=True)}
+        with contextlib.suppress(EngineError):  # `readings.is_unstable` says it
+            self._run(given, ticks)
+        return self.readings
+
+    def _run(self, commands: Mapping[str, Command], ticks: int) -> None:
         if self._simulation is None:
-            for _ in range(self._settings.frame_skip):
+            for _ in range(ticks):
                 self.world.step(commands)
-            return self.world.frame
+            return
         for vehicle, command in commands.items():
             self._simulation.submit(vehicle, command)
-        frame = self._simulation.run(self.step_duration)
+        self._simulation.run(self.step_duration)
         if self._is_real_time:
             self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
             time.sleep(max(self._due - time.monotonic(), 0.0))
-        return frame
 
     def render(self) -> NDArray[np.uint8] | None:
         """The image of Driver's Eye behind the first car, shape (360, 640, 3); None for other render modes."""
@@ -124,12 +162,6 @@ class RenderedWorld:
         """Stop the page, and free the renderers."""
         self._is_closed = True
         self._open.close()
-
-    @property
-    def cars(self) -> CarReadings:
-        """What the environments read of the cars."""
-        own = len(self._compiled.vehicles) - len(self._compiled.fleet.names)
-        return CarReadings.of(self.world.row.readings, own)
 
     def _check_open(self) -> None:
         if self._is_closed:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
@@ -16,8 +15,9 @@ from autodrive.experiments.envs.conditions import WEATHER, Conditions, Drawn, Dr
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.own_rules import End, Reward
 from autodrive.experiments.envs.race_tracks import AREA
-from autodrive.experiments.envs.settings import MOST_CARS, Action, check_changeable, check_options, whole_seed
-from autodrive.experiments.envs.task import Observation, Outcome, Task
+from autodrive.experiments.envs.settings import MOST_CARS, Action
+from autodrive.experiments.envs.single_env import SingleEnv
+from autodrive.experiments.envs.task import Observation, Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial, TrackLike
 from autodrive.protocol.commands import is_number
 
@@ -144,63 +144,24 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         self._driver.reset(worlds, latency)
 
 
-class RoboRacerEnv(gymnasium.Env[Any, Any]):
-    """One time trial; it is the vector environment with one world.
-
-    `info["is_success"]` says after each step whether a whole lap is driven.
-    """
+class RoboRacerEnv(SingleEnv):
+    """One time trial. `info["is_success"]` says after each step whether a whole lap is driven."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 40.0}  # noqa: RUF012
+    vector: RoboRacerVectorEnv
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
         """`settings`: those of `RoboRacerVectorEnv`. 'rgb_array' draws the image of the front camera."""
         if render_mode not in (None, "rgb_array"):
             raise SpecError([f"render_mode: {render_mode!r} is not known. Known: rgb_array"])
-        self.render_mode = render_mode
-        self.vector = RoboRacerVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings)
-        """The environment that does the work."""
-        self.observation_space = self.vector.single_observation_space
-        self.action_space = self.vector.single_action_space
-        step = self.vector.batch.tick_duration * self.vector.settings.frame_skip
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / step}
+        vector = RoboRacerVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings)
+        super().__init__(vector, render_mode)
         self._camera: BatchCamera | None = None
-
-    @property
-    def conditions(self) -> Conditions:
-        """Friction, mass, noise and latency of the episodes that follow."""
-        return self.vector.conditions
-
-    @conditions.setter
-    def conditions(self, conditions: Conditions) -> None:
-        self.vector.conditions = conditions
-
-    @property
-    def task(self) -> Task:
-        """The task, with its scenario and features."""
-        return self.vector.task
 
     @property
     def distance(self) -> float:
         """Along the centre line since the start of the episode [m]."""
         return float(self.vector.distance[0])
-
-    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
-        """Set `conditions`; any other attribute raises `SpecError`."""
-        check_changeable(name)
-        return super().set_wrapper_attr(name, value, force=force)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; without a seed the next one of the same random numbers."""
-        check_options(options)
-        super().reset(seed=whole_seed(seed))
-        observations, _ = self.vector.reset(seed=seed)
-        return _first(observations), {}
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Drive with that action for `frame_skip` ticks."""
-        observations, reward, terminated, _, infos = self.vector.step(np.asarray(action)[None])
-        info = {"is_success": bool(infos["is_success"][0])}
-        return _first(observations), float(reward[0]), bool(terminated[0]), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """With 'rgb_array', the image of the front camera, shape (360, 640, 3)."""
@@ -214,13 +175,6 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """End the threads, and free the renderers."""
-        self.vector.close()
+        super().close()
         if self._camera is not None:
             self._camera.close()
-
-
-def _first(observations: Any) -> Any:
-    """Of the first world."""
-    if isinstance(observations, dict):
-        return {key: values[0] for key, values in observations.items()}
-    return observations[0]

@@ -11,8 +11,10 @@ from pettingzoo import ParallelEnv
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
+from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.settings import Settings, action_space
+from autodrive.experiments.envs.remade import Remade
+from autodrive.experiments.envs.settings import action_space
 from autodrive.experiments.envs.task import Bools, Outcome, Task
 
 
@@ -65,35 +67,16 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
 
     def _observations(self) -> Any:
         observations = super()._observations()
-        observations[~self._is_seen] = 0.0
+        for part in observations.values() if isinstance(observations, dict) else [observations]:
+            part[~self._is_seen] = 0
         return observations
 
 
-class Agents(ParallelEnv[str, Any, Any]):
-    """The cars of one world, each an agent. Agents are 'V1', 'V2', ...
+class SeveralCarsParallelEnv(Remade, ParallelEnv[str, Any, Any]):
+    """One world of a vector environment. Its cars are the agents 'V1', 'V2', ...
 
     An agent whose episode has ended is no longer in `agents`; its car brakes and stays where it is.
     """
-
-    def __init__(self, task: Task, observation: spaces.Space[Any], settings: Settings) -> None:
-        """`observation`: the space of each agent."""
-        self.render_mode = settings.render_mode
-        self.possible_agents = list(task.scenario.vehicles)
-        self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(self.possible_agents, observation)
-        self.action_spaces = {one: action_space(settings) for one in self.possible_agents}
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
-        return self.action_spaces[agent]
-
-
-class SeveralCarsParallelEnv(Agents):
-    """One world of a vector environment."""
 
     metadata: dict[str, Any] = {"name": "several_cars", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
 
@@ -103,7 +86,28 @@ class SeveralCarsParallelEnv(Agents):
         self.vector = vector
         """The environment that does the work."""
         self._no_actions = np.zeros_like(vector.action_space.sample())
-        super().__init__(vector.task, vector.single_observation_space, vector.settings)
+        self.render_mode = vector.settings.render_mode
+        self.possible_agents = list(vector.task.scenario.vehicles)
+        self.agents: list[str] = []
+        self.observation_spaces = dict.fromkeys(self.possible_agents, vector.single_observation_space)
+        self.action_spaces = {agent: action_space(vector.settings) for agent in self.possible_agents}
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an agent; the same object each time."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an agent; the same object each time."""
+        return self.action_spaces[agent]
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the episodes that follow draw. Setting others than those of the environment raises `SpecError`."""
+        return self.vector.conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self.vector.conditions = conditions
 
     @property
     def task(self) -> Task:
@@ -116,7 +120,9 @@ class SeveralCarsParallelEnv(Agents):
         """Start an episode of all agents; without a seed the next one of the same random numbers."""
         observations, _ = self.vector.reset(seed=seed)
         self.agents = list(self.possible_agents)
-        return dict(zip(self.agents, observations, strict=True)), {agent: {} for agent in self.agents}
+        return {agent: _row(observations, row) for row, agent in enumerate(self.agents)}, {
+            agent: {} for agent in self.agents
+        }
 
     def step(
         self, actions: dict[str, Any]
@@ -134,7 +140,7 @@ class SeveralCarsParallelEnv(Agents):
         is_live = self.vector.is_live
         self.agents = [agent for agent, row in rows.items() if is_live[row] and not truncated[row]]
         return (
-            {agent: observations[row] for agent, row in rows.items()},
+            {agent: _row(observations, row) for agent, row in rows.items()},
             {agent: float(reward[row]) for agent, row in rows.items()},
             {agent: not is_live[row] for agent, row in rows.items()},
             {agent: bool(truncated[row]) for agent, row in rows.items()},
@@ -144,3 +150,10 @@ class SeveralCarsParallelEnv(Agents):
     def close(self) -> None:
         """End the threads of the batch."""
         self.vector.close()
+
+
+def _row(observations: Any, row: int) -> Any:
+    """The observation of one car."""
+    if isinstance(observations, dict):
+        return {key: values[row] for key, values in observations.items()}
+    return observations[row]
