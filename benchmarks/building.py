@@ -21,7 +21,7 @@ from typing import ParamSpec, TypeVar
 
 import autodrive
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import EditMap, MapModule, MapPart
 from autodrive.world import World
 from autodrive.world.factory import new_world
@@ -82,7 +82,7 @@ def measure(modules: int, edits: int, *, every: float, is_running: bool) -> dict
     times: dict[str, list[float]] = {"world": [], "scene files": [], "request to Frame": [], "request to Scene": []}
     simulation = Simulation(new_world("plane"), is_paused=not is_running, load=timed(times["world"], new_world))
     served = Served(simulation, timed(times["scene files"], scenery))
-    with simulation, Server(served, PageOptions(port=0)) as server, autodrive.Client(server.url) as client:
+    with simulation, SimulationServer(served, PageOptions(port=0)) as server, autodrive.Client(server.url) as client:
         parts = town(modules)
         client.edit_map(parts)
         time.sleep(3.0)  # the first edit takes longest

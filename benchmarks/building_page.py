@@ -37,7 +37,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import autodrive
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Operation, TrackLine
 from autodrive.world.factory import new_world
 from autodrive.world.scene_files import SceneFiles
@@ -80,7 +80,7 @@ def opened(operation: Operation, *, draws: bool, is_running: bool) -> Iterator[t
     found = next(filter(None, map(shutil.which, BROWSERS)))
     with (
         simulation,
-        Server(served, PageOptions(port=0), page=PAGE) as server,
+        SimulationServer(served, PageOptions(port=0), page=PAGE) as server,
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=found, args=list(FLAGS)) as browser,
     ):

@@ -24,11 +24,11 @@ from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RunKeys
 from autodrive.experiments.campaigns.ray_executor import RayExecutor
 from autodrive.experiments.campaigns.report import report
-from autodrive.experiments.campaigns.runner import Result, Runner
-from autodrive.experiments.campaigns.runs import Progress
+from autodrive.experiments.campaigns.runner import Runner, RunResult
+from autodrive.experiments.campaigns.runs import CampaignProgress
 from autodrive.experiments.campaigns.statistics import summary
 from autodrive.experiments.campaigns.table import Table
-from autodrive.experiments.campaigns.worker import Worker
+from autodrive.experiments.campaigns.worker import CampaignWorker
 
 FILE = """
 scenario: mini_map
@@ -84,7 +84,7 @@ def overhead(folder: Path) -> None:
 class Watch(CampaignObserver):
     """Times after the first rows, when all workers are warm, and the memory of the workers."""
 
-    def __init__(self, workers: Sequence[Worker] = ()) -> None:
+    def __init__(self, workers: Sequence[CampaignWorker] = ()) -> None:
         self.workers = workers
         self.start, self.first, self.end = 0.0, 0, 0.0
         self.memory: list[tuple[int, int, int]] = []
@@ -96,7 +96,7 @@ class Watch(CampaignObserver):
         """Of the workers."""
         return [worker.pid for worker in self.workers if worker.pid]
 
-    def progress(self, progress: Progress) -> None:
+    def progress(self, progress: CampaignProgress) -> None:
         """Look at the clock; at the memory each tenth of the runs."""
         if not self.start and progress.done >= progress.total // 10:
             self.start, self.first = time.monotonic(), progress.done
@@ -170,7 +170,7 @@ def many_rows(folder: Path, count: int) -> None:
     for number, (distance, collides, speed) in enumerate(numbers.tolist()):
         run = one.run(number)
         metrics = {"distance": distance, "collisions": round(collides), "max_speed": speed}
-        table.add(run, keys.of(run), Result(number, metrics, "time", 1.0, hash(distance)))
+        table.add(run, keys.of(run), RunResult(number, metrics, "time", 1.0, hash(distance)))
         if table.is_due:
             table.write_part()
     added, most = time.process_time(), resident(os.getpid())

@@ -20,7 +20,7 @@ from msgspec.structs import replace
 
 import autodrive
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Frame, LidarScan, Pose
 from autodrive.protocol.native import Scene
 from autodrive.world import World
@@ -74,7 +74,7 @@ def serve(pipe: Connection, is_loaded: bool) -> None:
     world.step(COMMANDS)
     pictures: Any = Ready() if is_loaded else None
     with Simulation(world, is_paused=True) as simulation:  # noqa: SIM117
-        with Server(Served(simulation, bare, jpeg_encoder=pictures), PageOptions(port=0)) as server:
+        with SimulationServer(Served(simulation, bare, jpeg_encoder=pictures), PageOptions(port=0)) as server:
             pipe.send(server.address)
             pipe.recv()
 

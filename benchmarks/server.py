@@ -30,7 +30,7 @@ import numpy as np
 import autodrive
 from autodrive import Command, Simulation
 from autodrive.connect.server.served import Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
 from autodrive.world import World
@@ -151,16 +151,18 @@ def other(role: str, *arguments: int) -> subprocess.Popen[str]:
 
 
 @contextmanager
-def served(world: World) -> Iterator[tuple[Simulation, Server]]:
+def served(world: World) -> Iterator[tuple[Simulation, SimulationServer]]:
     simulation = Simulation(world)
-    server = Server(Served(simulation, lambda world: SceneFiles.of(world, SCENARIO), jpeg_encoder=JpegEncoder()))
+    server = SimulationServer(
+        Served(simulation, lambda world: SceneFiles.of(world, SCENARIO), jpeg_encoder=JpegEncoder())
+    )
     with server, simulation:
         time.sleep(1.0)
         yield simulation, server
 
 
 @contextmanager
-def viewers(server: Server, count: int) -> Iterator[None]:
+def viewers(server: SimulationServer, count: int) -> Iterator[None]:
     process = other("view", server.port, count)
     assert process.stdout is not None
     assert process.stdin is not None

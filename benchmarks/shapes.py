@@ -20,7 +20,7 @@ import numpy as np
 import autodrive
 from autodrive.physics.buffers import scratch, vehicle_contacts
 from autodrive.physics.engine import Engine
-from autodrive.physics.model import BOX, Model, Shapes
+from autodrive.physics.model import BOX, Model, ShapeTable
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
@@ -45,7 +45,7 @@ def median_us(run: Callable[[], object], count: int) -> float:
     return statistics.median(figures)
 
 
-def posts(count: int) -> Shapes:
+def posts(count: int) -> ShapeTable:
     """So many posts around the origin, the nearest ones 0.7 m away."""
     side = round(math.sqrt(count))
     places = itertools.product(range(-(side // 2), side - side // 2), repeat=2)
@@ -54,7 +54,7 @@ def posts(count: int) -> Shapes:
     )
 
 
-def with_fixed(model: Model, fixed: Shapes) -> Model:
+def with_fixed(model: Model, fixed: ShapeTable) -> Model:
     """The model with these shapes in place of its fixed ones."""
     names = ("kind", "size", "bounding_radius", "position", "rotation", "vehicle", "dof", "qpos")
     old = model.shapes

@@ -20,7 +20,7 @@ import pytest
 import autodrive
 from autodrive.base.cache import PACKAGE
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from tests.connect.client.conftest import bare
 from tests.support.layers import imports
 
@@ -202,7 +202,7 @@ def test_the_client_distribution_drives_a_simulator_from_a_clean_environment(tmp
     modules = [name.removesuffix(".py").replace("/", ".") for name in listed]
     with (
         autodrive.Simulation(autodrive.make("plane")) as simulation,
-        Server(Served(simulation, bare), PageOptions(port=0)) as server,
+        SimulationServer(Served(simulation, bare), PageOptions(port=0)) as server,
     ):
         done = subprocess.run(
             [python, "-I", "-c", TRY_CLIENT, server.url, *modules],

@@ -16,7 +16,7 @@ import autodrive
 from autodrive import AutodriveError, BatchWorld, Client, Command, Simulation, World
 from autodrive.base.yaml_files import parse
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.devkit import read_commands
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.protocol.messages import Hold, Place, Reset, SetDrivingMode, SetSensor, SetSpeed, Step, Teleport
@@ -44,7 +44,7 @@ def parts() -> Iterator[Parts]:
     simulation = Simulation(autodrive.make("plane"), is_paused=True, load=autodrive.make)
     with (
         simulation,
-        Server(Served(simulation, bare), PageOptions(port=0)) as server,
+        SimulationServer(Served(simulation, bare), PageOptions(port=0)) as server,
         Client(server.url, timeout=LIMIT) as client,
     ):
         yield Parts(autodrive.make("plane"), BatchWorld("plane", 2), simulation, client)

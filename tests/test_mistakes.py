@@ -16,7 +16,7 @@ import autodrive
 from autodrive import BatchWorld
 from autodrive.base.yaml_files import names as vehicles
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.experiments.policies import Policy
 from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
@@ -180,7 +180,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     vector = gymnasium.make_vec("NigelLaneKeeping-v0", num_envs=2)
     vector.reset(seed=0)
     served = Served(autodrive.Simulation(autodrive.make("plane"), is_paused=True), bare)
-    with open_recording(path) as recording, Server(served, PageOptions(port=0)) as server:
+    with open_recording(path) as recording, SimulationServer(served, PageOptions(port=0)) as server:
         yield {
             **public,
             "autodrive": autodrive,

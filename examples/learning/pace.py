@@ -31,7 +31,7 @@ import optax
 
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.policies import Policy
-from autodrive.experiments.policies.policy import Drivers, Memory, Pace
+from autodrive.experiments.policies.policy import Pace, PolicyDrivers, PolicyMemory
 from autodrive.experiments.policies.racer import PERIOD
 
 CARS = 64
@@ -83,7 +83,7 @@ def drive(policy: Policy, tracks: dict[str, Any], seed: int, minutes: float) -> 
         **{**COMMON, **tracks},
     ).unwrapped
     names = [one.name for one in observed(envs.task, "lidar")]
-    drivers, memory = Drivers(policy, names, CARS), Memory(INPUTS, names, CARS)
+    drivers, memory = PolicyDrivers(policy, names, CARS), PolicyMemory(INPUTS, names, CARS)
     period = envs.batch.tick_duration * envs.settings.frame_skip
     rng, slowness = np.random.default_rng(seed), drivers.slowness
     felt, conditions, episode, episodes = [], [], [], []

@@ -43,8 +43,8 @@ import autodrive
 from autodrive.base.yaml_files import names
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.task import Observation
-from autodrive.experiments.policies import Memory, Policy
-from autodrive.experiments.policies.policy import OUTPUTS, Drivers
+from autodrive.experiments.policies import Policy, PolicyMemory
+from autodrive.experiments.policies.policy import OUTPUTS, PolicyDrivers
 from autodrive.experiments.policies.racer import INPUTS, drive_laps
 from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
 
@@ -299,7 +299,7 @@ class Rivals:
         self.is_learner = np.ones(ENVS, np.bool_)
         self._readings, self._envs = readings, envs
         self._rows: dict[str, np.ndarray] = {}
-        self._policies: dict[str, Drivers] = {}
+        self._policies: dict[str, PolicyDrivers] = {}
         for name, count in problem.rivals.items():
             first = 1 + 2 * sum(map(len, self._rows.values()))
             self._rows[name] = np.arange(first, first + 2 * count, 2)
@@ -312,7 +312,7 @@ class Rivals:
     def use(self, name: str, policy: Policy) -> None:
         """Let a policy drive in the worlds of that name."""
         if name in self._rows:
-            self._policies[name] = Drivers(policy, self._readings, len(self._rows[name]))
+            self._policies[name] = PolicyDrivers(policy, self._readings, len(self._rows[name]))
 
     def add(self, observation: np.ndarray) -> None:
         """What all cars see one step later."""
@@ -350,7 +350,7 @@ class Trainer:
         )
         names = [one.name for one in observed(self.envs.task, self.problem.observation)]
         self.inputs = self.problem.inputs or tuple(names)
-        self.past = Memory(self.inputs, names, ENVS)
+        self.past = PolicyMemory(self.inputs, names, ENVS)
         kinds = [re.sub(r"_[-\d.]+$", "", one.partition("@")[0]) for one in self.inputs]  # range_-45@2: range
         self.scale = np.array([SCALES.get(kind, 1.0) for kind in kinds])
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))

@@ -19,7 +19,7 @@ from autodrive.base import installation
 from autodrive.base.cache import cache_folder
 from autodrive.cli import doctor
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.physics import engine
 from autodrive.scenario.maps.solids import fixed_shapes
 from tests.connect.client.conftest import bare
@@ -174,7 +174,7 @@ def test_the_server_runs_without_uvloop(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "uvloop", None)
     with (
         autodrive.Simulation(autodrive.make("plane")) as simulation,
-        Server(Served(simulation, bare), PageOptions(port=0)) as server,
+        SimulationServer(Served(simulation, bare), PageOptions(port=0)) as server,
         autodrive.Client(server.url) as client,
     ):
         assert client.frame.vehicles.keys() == {"V1"}

@@ -14,7 +14,7 @@ from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Drawing
 from autodrive.protocol.native import Drawn, Error
 from autodrive.protocol.own_files import OwnFile
-from autodrive.recording.wire import Message
+from autodrive.recording.wire import WireMessage
 from tests.support.native_clients import unpack
 
 
@@ -41,5 +41,5 @@ def test_every_text_of_a_message_is_escaped() -> None:
     assert msgspec.json.decode(to_json({name: [OwnFile("map", name), (1.0, name)]})) == {
         escaped: [{"kind": "map", "title": escaped}, [1.0, escaped]]
     }
-    message = Message(OwnFile)
+    message = WireMessage(OwnFile)
     assert message.decode(message.encode(OwnFile("map", name))) == {"kind": "map", "title": escaped}

@@ -24,7 +24,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.client.last_run import NotedRun, user_name
 from autodrive.connect.devkit import Nigel
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.protocol.messages import Drawing, TrafficLightState
@@ -234,7 +234,7 @@ def test_the_devkit_example_stops_before_the_box(build: Path) -> None:
 
 def test_lock_step_in_cpp_equals_world_step(build: Path) -> None:
     simulation = Simulation(autodrive.make("mini_map"))
-    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
         printed = run(build / "lockstep", server.port).split()
     world = autodrive.make("mini_map")
     frame_ = world.frame
@@ -257,7 +257,7 @@ def test_cpp_sets_a_traffic_light_and_reads_what_a_vehicle_hears(build: Path) ->
         }
     )
     simulation = Simulation(autodrive.make(scenario))
-    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
         light, traffic, *heard = run(build / "traffic", server.port).splitlines()
     assert light == "2 set"
     assert traffic.split() == ["traffic_1", "traffic_2"]
@@ -279,7 +279,7 @@ def test_cpp_sets_a_traffic_light_and_reads_what_a_vehicle_hears(build: Path) ->
 
 def test_cpp_draws_into_the_view(build: Path) -> None:
     simulation = Simulation(autodrive.make("plane"))
-    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
         refused = run(build / "draw", server.port)
         drawn = {name: one.drawing for name, one in simulation.world.drawings.items()}
     assert drawn == {
@@ -291,7 +291,7 @@ def test_cpp_draws_into_the_view(build: Path) -> None:
 
 def test_cpp_sets_and_reads_weather_and_time_of_day(build: Path) -> None:
     simulation = Simulation(autodrive.make("plane"))
-    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
         first, later, refused, last = run(build / "weather", server.port).splitlines()
     # clouds, fog, rain, snow, wind, wetness, snow cover, seconds since midnight
     assert [float(word) for word in first.split()] == [0.0, 0.0, 0.6, 0.0, 0.25, 0.0, 0.5, 66600.0]
@@ -320,7 +320,7 @@ def test_cpp_without_an_address_uses_the_last_run_in_its_folder(
 
     simulation = Simulation(autodrive.make("plane"))
     title = simulation.world.spec.title
-    server = Server(Served(simulation, scene_files), PageOptions(host="::1", port=0))
+    server = SimulationServer(Served(simulation, scene_files), PageOptions(host="::1", port=0))
     note = NotedRun(server.origin)
     (tmp_path / "autodrive" / "runs").mkdir(parents=True, mode=0o700)
     (tmp_path / "autodrive" / "runs" / "0.json").write_text("no note")

@@ -13,7 +13,7 @@ import autodrive
 from autodrive import Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from tests.clients.conftest import PACKAGE, PAGE, ROOT
 from tests.support.builds import run
 from tests.support.native_clients import scene_files
@@ -66,7 +66,7 @@ def test_the_devkit_program_of_the_page_drives(programs: Path) -> None:
 
 def test_the_lock_step_program_of_the_page_runs(programs: Path) -> None:
     simulation = Simulation(autodrive.make("mini_map"))
-    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
         x, y, _ = map(float, run(programs / "step", server.port).split())
     assert x > 0.05
     assert abs(y) < 0.01

@@ -11,7 +11,7 @@ import autodrive
 from autodrive import Client, Command, Simulation
 from autodrive.connect.ros import Config
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import encode
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
@@ -36,13 +36,13 @@ def world(tmp_path: Path) -> World:
 
 
 @pytest.fixture
-def server(world: World) -> Iterator[Server]:
+def server(world: World) -> Iterator[SimulationServer]:
     served = Served(Simulation(world, is_paused=True), lambda world: SceneFiles.of(world, ""))
-    with served.simulation, Server(served, PageOptions(port=0)) as one:
+    with served.simulation, SimulationServer(served, PageOptions(port=0)) as one:
         yield one
 
 
-def test_readings_arrive_at_a_client_with_their_bits(server: Server, world: World) -> None:
+def test_readings_arrive_at_a_client_with_their_bits(server: SimulationServer, world: World) -> None:
     before = world.save()
     with Client(server.address, name="script", timeout=LIMIT) as client, client.lockstep():
         frames = [client.step({"V1": Command(0.5)}) for _ in range(20)]
@@ -56,7 +56,7 @@ def test_readings_arrive_at_a_client_with_their_bits(server: Server, world: Worl
     assert not car.own["radar"].values.flags.writeable
 
 
-def test_ros_has_a_topic_with_the_names_of_the_columns(server: Server) -> None:
+def test_ros_has_a_topic_with_the_names_of_the_columns(server: SimulationServer) -> None:
     node = Recorder()
     with running(Config(port=server.port), node):
         wait_until(lambda: {f"{CAR}/own/radar", f"{CAR}/range"} <= {*node.messages})

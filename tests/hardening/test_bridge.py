@@ -20,7 +20,7 @@ from websockets.sync.server import ServerConnection
 from autodrive import Simulation
 from autodrive.connect.bridge import devkit
 from autodrive.connect.bridge.devkit import DevkitBridge
-from autodrive.connect.bridge.engineio import Connection, ConnectionEnd, PacketError
+from autodrive.connect.bridge.engineio import ConnectionEnd, EngineIoConnection, PacketError
 from tests.connect.bridge.conftest import peer
 from tests.support.command_line import Started
 from tests.support.waiting import LIMIT, wait_until
@@ -45,7 +45,7 @@ def pings_without_reading(connection: ServerConnection) -> None:
 
 
 def test_answers_to_a_server_that_does_not_read_are_bounded() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     with pytest.raises(PacketError, match="a ping of 900001 characters"):
         connection.receive("2" + 900_000 * "x", 0.0)
     for _ in range(1000):
@@ -58,7 +58,7 @@ def test_answers_to_a_server_that_does_not_read_are_bounded() -> None:
 
 
 def test_handshakes_of_a_server_that_does_not_read_are_bounded() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     for _ in range(1000):
         connection.receive('0{"sid":"x","maxPayload":1000000}', 0.0)
     with pytest.raises(ConnectionEnd, match="does not read"):

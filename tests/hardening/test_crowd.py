@@ -17,7 +17,7 @@ from autodrive import Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server import hub
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from tests.support.attackers import CROWD, POWERLESS
@@ -118,7 +118,7 @@ def test_who_may_not_influence_a_run_leaves_its_states_the_same_to_the_last_bit(
     driver, port = Driver(simulation), free_port()
     viewers = {role: cases(max(count // 10, 1), count) for role, count in POWERLESS.items()}
     with (
-        Server(Served(simulation, scene_files), PageOptions(port=free_port())) as server,
+        SimulationServer(Served(simulation, scene_files), PageOptions(port=free_port())) as server,
         attackers(port, {"orders": 1}),
         DevkitBridge(simulation, port=port) as bridge,
         attackers(server.port, viewers),

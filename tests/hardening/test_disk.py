@@ -29,7 +29,7 @@ from autodrive.base.cache import PACKAGE, check_writable, write_file
 from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.cli import generate, messages, preview
 from autodrive.experiments.campaigns import Campaign, ray_executor, run_campaign
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.runner import RunResult
 from autodrive.experiments.campaigns.table import Table
 from autodrive.experiments.envs import race_tracks
 from autodrive.experiments.identification.result import Identification
@@ -96,7 +96,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("r/report.html",),
     ),
     "experiments/campaigns/ray_executor.py": (
-        lambda folder: ray_executor.kept_here(Result(0, recording=str(folder / "r" / "1.mcap")), b"1"),
+        lambda folder: ray_executor.kept_here(RunResult(0, recording=str(folder / "r" / "1.mcap")), b"1"),
         ("r/1.mcap",),
     ),
     "experiments/campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),

@@ -19,14 +19,14 @@ from pyarrow import parquet
 
 import autodrive
 from autodrive import Simulation
-from autodrive.base.code_snapshot import Snapshot
+from autodrive.base.code_snapshot import CodeSnapshot
 from autodrive.base.errors import AutodriveError
 from autodrive.base.jit import CACHE
 from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
-from autodrive.experiments.campaigns.runs import Progress
+from autodrive.experiments.campaigns.runs import CampaignProgress
 from autodrive.protocol.messages import AddBox, LoadScenario, Reset, SetSensor
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
@@ -75,7 +75,7 @@ class After(CampaignObserver):
     def __init__(self, act: Callable[[], object] = lambda: None, *, rows: int = 4) -> None:
         self._act, self._rows = act, rows
 
-    def progress(self, progress: Progress) -> None:
+    def progress(self, progress: CampaignProgress) -> None:
         self.reused = progress.reused
         if progress.done == self._rows:
             self._act()
@@ -351,7 +351,7 @@ def test_a_copy_has_the_rights_and_the_neighbours_of_its_original(tmp_path: Path
     (tmp_path / "code" / "drive.sh").write_text("#!/bin/sh\n")
     (tmp_path / "code" / "drive.sh").chmod(0o755)
     campaign = loaded(tmp_path / "campaign", driver="../code/drive.sh {port}", metrics=["distance"])
-    snapshot = Snapshot(CampaignFiles.of(campaign))
+    snapshot = CodeSnapshot(CampaignFiles.of(campaign))
     folder = snapshot.folder
     assert (folder / "route.csv").read_text() == "1,2"
     assert os.access(folder / "../code/drive.sh", os.X_OK)

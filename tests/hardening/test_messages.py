@@ -24,7 +24,7 @@ import autodrive
 from autodrive import AutodriveError, Simulation
 from autodrive.base.png import encode_png
 from autodrive.connect.bridge.detection import Detection
-from autodrive.connect.bridge.engineio import Acknowledgement, Connection, ConnectionEnd, Event, PacketError
+from autodrive.connect.bridge.engineio import Acknowledgement, ConnectionEnd, EngineIoConnection, Event, PacketError
 from autodrive.connect.bridge.metrics import Metrics
 from autodrive.connect.bridge.session import Session
 from autodrive.connect.server.hub import Hub
@@ -136,7 +136,7 @@ def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> N
     random_ = random.Random(dialect)
     outcomes = Counter[str]()
 
-    def session() -> tuple[Session, Connection]:
+    def session() -> tuple[Session, EngineIoConnection]:
         settings = DevkitSettings(handshake=dialect)
         detection = Detection(settings)
         made = Session(
@@ -177,7 +177,7 @@ def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> N
 
 def test_events_and_acknowledgements_are_the_only_results() -> None:
     random_ = random.Random(1)
-    connection = Connection(0.0, "raw")
+    connection = EngineIoConnection(0.0, "raw")
     for _ in range(cases(2000, 100_000)):
         text = with_wrong_bytes(b'4217["Bridge",{"V1 Throttle":"1"}]', random_).decode(errors="replace")
         try:

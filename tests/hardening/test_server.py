@@ -25,7 +25,7 @@ from autodrive.connect.server.connections import HttpProtocol
 from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import AddBox, Collision, Frame, Operation, SetSpeed
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
@@ -48,21 +48,21 @@ def served(
     simulation: Simulation,
     files: Callable[[World], SceneFiles] = scene_files,
     scenarios: tuple[str, ...] = ("plane",),
-) -> Iterator[Server]:
+) -> Iterator[SimulationServer]:
     bridge = DevkitBridge(simulation)
     everything = Served(simulation, files, scenarios={name: name.title() for name in scenarios}, bridge=bridge)
-    with Server(everything, PageOptions(port=free_port())) as server:
+    with SimulationServer(everything, PageOptions(port=free_port())) as server:
         yield server
     bridge.close()
 
 
 @pytest.fixture(scope="module")
-def server(simulation: Simulation) -> Iterator[Server]:
+def server(simulation: Simulation) -> Iterator[SimulationServer]:
     with simulation, served(simulation) as server:
         yield server
 
 
-def connection(server: Server) -> socket.socket:
+def connection(server: SimulationServer) -> socket.socket:
     """A plain connection."""
     return socket.create_connection(("127.0.0.1", server.port), LIMIT)
 
@@ -138,7 +138,7 @@ def cut_off(send: Callable[[int], object], most: int = 1000) -> None:
     ids=lambda value: str(value)[:40],
 )
 def test_a_request_out_of_range_is_refused_with_its_id(
-    server: Server, simulation: Simulation, type_: str, fields: dict[str, Any]
+    server: SimulationServer, simulation: Simulation, type_: str, fields: dict[str, Any]
 ) -> None:
     with native_client(server) as client:
         answer = client.ask(type_, **fields)
@@ -150,7 +150,7 @@ def test_a_request_out_of_range_is_refused_with_its_id(
 
 
 def test_a_flood_of_resets_is_answered_with_few_resets(
-    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    server: SimulationServer, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seeds = []
     reset = World.reset
@@ -163,7 +163,7 @@ def test_a_flood_of_resets_is_answered_with_few_resets(
     assert seeds[-1] == 59
 
 
-def test_requests_use_at_most_a_fifth_of_the_time(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_requests_use_at_most_a_fifth_of_the_time(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     spans = []
     reset = World.reset
 
@@ -182,7 +182,7 @@ def test_requests_use_at_most_a_fifth_of_the_time(server: Server, monkeypatch: p
 
 
 def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
-    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    server: SimulationServer, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise clients that connect, request and leave, again and again, would let no time for ticks."""
     is_free, begun, received, posted = threading.Event(), threading.Event(), [], []
@@ -346,13 +346,13 @@ def test_a_response_while_a_scene_is_loaded_has_no_frame_of_its_world_which_then
     assert "b" not in response["frame"]["objects"]
 
 
-def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_refused_requests_end_the_connection(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     with native_client(server, max_queue=None) as loud:
         cut_off(lambda id: loud.send("Request", id=id, operation={"type": "Undo"}), 100_000)
 
 
-def test_a_step_of_unknown_vehicles_is_refused_and_gives_no_lease(server: Server) -> None:
+def test_a_step_of_unknown_vehicles_is_refused_and_gives_no_lease(server: SimulationServer) -> None:
     with native_client(server) as client:
         client.ask("Pause")
         commands = {f"car {number}": {"throttle": 1.0} for number in range(1000)}
@@ -362,7 +362,7 @@ def test_a_step_of_unknown_vehicles_is_refused_and_gives_no_lease(server: Server
 
 
 def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
-    server: Server, monkeypatch: pytest.MonkeyPatch
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: object) -> str:
         raise ValueError("inside")
@@ -373,7 +373,7 @@ def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
         assert client.ask("Resume")["type"] == "Response"
 
 
-def test_changes_cause_a_status_only_now_and_then(server: Server) -> None:
+def test_changes_cause_a_status_only_now_and_then(server: SimulationServer) -> None:
     with native_client(server) as client, native_client(server, max_queue=None) as other:
         other.send("Subscribe", frame_rate=0.0)
         other.until("Welcome")
@@ -390,7 +390,7 @@ def test_changes_cause_a_status_only_now_and_then(server: Server) -> None:
         assert count < (time.monotonic() - begin) * (1 / hub.LEAST_STATUS_INTERVAL + 1 / hub.STATUS_INTERVAL) + 3
 
 
-def test_a_client_that_reads_no_replies_is_disconnected(server: Server) -> None:
+def test_a_client_that_reads_no_replies_is_disconnected(server: SimulationServer) -> None:
     small = socket.socket()
     small.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # what is not read soon fills it
     small.connect(("127.0.0.1", server.port))
@@ -418,7 +418,9 @@ def test_requests_of_a_client_that_left_are_dropped(
     assert len(loads) <= 3
 
 
-def test_a_client_above_the_byte_limit_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_above_the_byte_limit_is_disconnected(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     monkeypatch.setattr(connections, "SHARE", 1.0)  # no long pauses
     with native_client(server) as loud:
@@ -426,13 +428,13 @@ def test_a_client_above_the_byte_limit_is_disconnected(server: Server, monkeypat
         cut_off(lambda _: loud.send("Release", vehicle="V" * 60_000), 20_000)
 
 
-def test_pings_without_reading_end_the_connection(server: Server) -> None:
+def test_pings_without_reading_end_the_connection(server: SimulationServer) -> None:
     with _websocket(server) as peer:
         ping = bytes([0x89, 0x80 | 125]) + bytes(4) + bytes(125)
         cut_off(lambda _: peer.sendall(200 * ping))
 
 
-def waits(server: Server, peer: socket.socket, sent: bytes, answer: bytes, most: int) -> None:
+def waits(server: SimulationServer, peer: socket.socket, sent: bytes, answer: bytes, most: int) -> None:
     """Of what the peer has sent at once so many are answered, and then it waits; others do not."""
     peer.sendall(sent)
     answers = b""
@@ -447,7 +449,9 @@ def waits(server: Server, peer: socket.socket, sent: bytes, answer: bytes, most:
     assert answers.count(answer) <= most
 
 
-def test_who_sends_more_than_a_piece_waits_and_others_do_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_sends_more_than_a_piece_waits_and_others_do_not(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(connections, "SHARE", 1e-9)  # the pause is longer than the test
     ping = frame(b"", opcode=9)
     pings = connections.PIECE // len(ping)
@@ -455,14 +459,16 @@ def test_who_sends_more_than_a_piece_waits_and_others_do_not(server: Server, mon
         waits(server, peer, 10 * pings * ping, b"\x8a\0", pings)
 
 
-def test_who_sends_many_http_requests_waits_and_others_do_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_sends_many_http_requests_waits_and_others_do_not(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(connections, "REQUEST_RATE", 1e-6)
     monkeypatch.setattr(connections, "REQUEST_BURST", 3.0)
     with connection(server) as peer:
         waits(server, peer, 100 * b"GET /none HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", b"HTTP/1.1 404", 4)
 
 
-def _websocket(server: Server) -> socket.socket:
+def _websocket(server: SimulationServer) -> socket.socket:
     """A WebSocket that reads nothing but the answer to its handshake."""
     peer = connection(server)
     peer.sendall(
@@ -473,7 +479,7 @@ def _websocket(server: Server) -> socket.socket:
     return peer
 
 
-def _deaf_client(server: Server) -> socket.socket:
+def _deaf_client(server: SimulationServer) -> socket.socket:
     """A client that subscribes to everything and reads nothing."""
     peer = _websocket(server)
     peer.sendall(frame(pack({"type": "Hello", "protocol": 2})))
@@ -482,7 +488,7 @@ def _deaf_client(server: Server) -> socket.socket:
 
 
 def test_clients_that_do_not_read_lock_nobody_out(
-    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    server: SimulationServer, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hub, "MAX_CLIENTS", 3)
     monkeypatch.setattr(hub, "MAX_WAIT", 0.1)
@@ -500,13 +506,13 @@ def test_clients_that_do_not_read_lock_nobody_out(
     simulation.request(SetSpeed(1.0)).result(LIMIT)
 
 
-def test_a_client_that_neither_reads_nor_stops_sending_is_cut_off(server: Server) -> None:
+def test_a_client_that_neither_reads_nor_stops_sending_is_cut_off(server: SimulationServer) -> None:
     with _deaf_client(server) as peer:
         undo = frame(pack({"type": "Request", "id": 1, "operation": {"type": "Undo"}}))
         cut_off(lambda _: peer.sendall(undo), 1_000_000)
 
 
-def test_websockets_without_a_hello_lock_nobody_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_websockets_without_a_hello_lock_nobody_out(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "MAX_WEBSOCKETS", 3)
     with contextlib.ExitStack() as stack, native_client(server) as client:
         assert client.receive()["type"] == "Welcome"
@@ -530,7 +536,7 @@ def test_websockets_without_a_hello_lock_nobody_out(server: Server, monkeypatch:
     ],
 )
 def test_a_wrong_frame_ends_its_connection_without_a_traceback_in_the_log(
-    server: Server, caplog: pytest.LogCaptureFixture, data: bytes
+    server: SimulationServer, caplog: pytest.LogCaptureFixture, data: bytes
 ) -> None:
     for _ in range(5):
         with _websocket(server) as peer, contextlib.suppress(ConnectionResetError):
@@ -543,7 +549,7 @@ def test_a_wrong_frame_ends_its_connection_without_a_traceback_in_the_log(
 # -- HTTP ----------------------------------------------------------------------------------------------------------
 
 
-def _exchange(server: Server, request: bytes) -> bytes:
+def _exchange(server: SimulationServer, request: bytes) -> bytes:
     """What the server answers until it closes the connection."""
     with connection(server) as peer:
         peer.sendall(request)
@@ -556,7 +562,7 @@ def _exchange(server: Server, request: bytes) -> bytes:
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 
-def test_idle_connections_do_not_block_new_ones(server: Server) -> None:
+def test_idle_connections_do_not_block_new_ones(server: SimulationServer) -> None:
     idle = [connection(server) for _ in range(450)]
     try:
         assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")  # no page is built
@@ -567,7 +573,7 @@ def test_idle_connections_do_not_block_new_ones(server: Server) -> None:
             one.close()
 
 
-def test_downloads_that_nobody_reads_lock_nobody_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_downloads_that_nobody_reads_lock_nobody_out(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "MAX_HTTP", 5)
     wait_until(lambda: "scene/map.glb" in server.hub.files)
     with contextlib.ExitStack() as stack:
@@ -581,7 +587,9 @@ def test_downloads_that_nobody_reads_lock_nobody_out(server: Server, monkeypatch
         assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")
 
 
-def test_a_connection_without_a_complete_request_is_closed(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_without_a_complete_request_is_closed(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(connections, "IDLE_TIMEOUT", 0.2)
     with connection(server) as silent, contextlib.suppress(ConnectionResetError):
         assert silent.recv(1) == b""
@@ -598,7 +606,7 @@ def test_a_connection_without_a_complete_request_is_closed(server: Server, monke
         b"Transfer-Encoding: chunked\r\n",
     ],
 )
-def test_a_request_hidden_in_the_content_of_another_is_not_answered(server: Server, head: bytes) -> None:
+def test_a_request_hidden_in_the_content_of_another_is_not_answered(server: SimulationServer, head: bytes) -> None:
     hidden = b"GET /hidden HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     answer = _exchange(server, GET + head + b"\r\n" + b"0\r\n\r\n" + hidden)
     assert answer.count(b"HTTP/1.1 ") == 1
@@ -618,14 +626,14 @@ def test_a_request_hidden_in_the_content_of_another_is_not_answered(server: Serv
     ],
 )
 def test_a_malformed_host_or_origin_is_refused(
-    server: Server, headers: bytes, caplog: pytest.LogCaptureFixture
+    server: SimulationServer, headers: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = _exchange(server, b"GET / HTTP/1.1\r\n" + headers + b"Connection: close\r\n\r\n")
     assert answer.startswith((b"HTTP/1.1 403", b"HTTP/1.1 400"))
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_a_websocket_with_a_malformed_origin_is_refused(server: Server) -> None:
+def test_a_websocket_with_a_malformed_origin_is_refused(server: SimulationServer) -> None:
     with pytest.raises(InvalidStatus) as refused, raw(server, origin="http://[::1"):
         pass
     assert refused.value.response.status_code == 403
@@ -634,10 +642,12 @@ def test_a_websocket_with_a_malformed_origin_is_refused(server: Server) -> None:
 @pytest.mark.parametrize("token", ["x", "", "short-token-1234"[:15], "sixteen characters", "ä" * 20])
 def test_a_weak_token_is_refused(simulation: Simulation, token: str) -> None:
     with pytest.raises(AutodriveError, match="16 or more characters"):
-        Server(Served(simulation, scene_files), PageOptions(token=token))
+        SimulationServer(Served(simulation, scene_files), PageOptions(token=token))
 
 
-def test_the_server_closes_while_a_client_neither_reads_nor_leaves(server: Server, simulation: Simulation) -> None:
+def test_the_server_closes_while_a_client_neither_reads_nor_leaves(
+    server: SimulationServer, simulation: Simulation
+) -> None:
     with served(simulation) as other, _websocket(other), native_client(other, max_queue=1) as lazy:
         lazy.send("Subscribe", frame_rate=None, scans=True)
         wait_until(lambda: other.clients == 1)
@@ -660,7 +670,7 @@ def test_frames_go_on_where_scene_cameras_cannot_start(caplog: pytest.LogCapture
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}
     with (
-        Server(
+        SimulationServer(
             Served(simulation, scene_files, scenarios=scenarios, renderer_factory=factory),
             PageOptions(port=free_port()),
         ) as server,

@@ -15,7 +15,7 @@ import pytest
 from autodrive.base.cache import PACKAGE
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
 from autodrive.run.own_files import UserFiles
@@ -83,8 +83,8 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
             own_files=UserFiles(own),
         )
 
-        def serve(token: str | None = None) -> Server:
-            return Server(served, PageOptions(port=0, token=token), page=built)
+        def serve(token: str | None = None) -> SimulationServer:
+            return SimulationServer(served, PageOptions(port=0, token=token), page=built)
 
         server = serve()
         stack.enter_context(simulation)

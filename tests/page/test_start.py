@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Starting
 from autodrive.run.runner import COMPILING
 from autodrive.world.scene_files import SceneFiles
@@ -22,7 +22,7 @@ __all__ = ["axe"]
 def test_the_page_says_what_the_simulator_compiles_until_it_has_a_world(
     plane: PageServer, built: Path, new_tab: NewTab, axe: str, size: str, scheme: str
 ) -> None:
-    with Server(None, PageOptions(port=0), page=built) as server:
+    with SimulationServer(None, PageOptions(port=0), page=built) as server:
         tab = new_tab(size=SIZES[size], touch=size == "phone")
         tab.page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # pyright: ignore[reportArgumentType]
         server.starting = Starting("loading the world")

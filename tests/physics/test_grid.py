@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.physics.model import BOX, CYLINDER, SPHERE, ShapeTable
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
 from tests.support.one_sensor import OneSensor
@@ -32,7 +32,7 @@ def solids(seed: int, count: int, extent: float) -> list[Solid]:
     return made
 
 
-def found(shapes: Shapes, x: float, y: float, distance: float) -> list[int]:
+def found(shapes: ShapeTable, x: float, y: float, distance: float) -> list[int]:
     room = np.full(len(shapes.kind), -1, np.int64)
     count = shapes_near(shapes, x, y, distance, room)
     return room[:count].tolist()

@@ -17,7 +17,7 @@ from autodrive import Command
 from autodrive.base.transforms import quaternion_from_euler
 from autodrive.physics.clearance import distance
 from autodrive.physics.grid import most_within
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.near import SLACK, Slots
 from autodrive.physics.tick import place
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
@@ -241,7 +241,7 @@ def test_a_batch_in_contact_has_the_bits_of_single_worlds(hall: str, threads: in
     assert collisions > 3
 
 
-def distances(shapes: Shapes, count: int, x: float, y: float, z: float) -> list[float]:
+def distances(shapes: ShapeTable, count: int, x: float, y: float, z: float) -> list[float]:
     """Of a point to the first shapes [m]."""
     kinds = shapes.kind.tolist()
     return [

@@ -111,7 +111,7 @@ def test_chunks_that_are_mostly_images_get_little_compression(tmp_path: Path) ->
         for share in (0, 10, 20):  # of the messages
             chunk = mcap.Chunk()
             for i, one in enumerate(data):
-                chunk.add(mcap.Message(1, i, i, 0, one), is_packed=i < share)
+                chunk.add(mcap.McapMessage(1, i, i, 0, one), is_packed=i < share)
             contents.append(bytes(chunk.data))
             writer.chunk(chunk)
         writer.finish()

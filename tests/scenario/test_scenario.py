@@ -146,6 +146,6 @@ def test_paths_of_a_scenario_start_at_its_folder_whatever_the_working_directory(
     file.write_text("{map: map.yaml, vehicles: {V1: {type: car.yaml}, V2: {type: other.yaml, x: 0.5}}}")
     monkeypatch.chdir(elsewhere)
     for read in (read_scenario(file), read_scenario(load_scenario(file))):
-        assert isinstance(read.specs.map.found, MapSpec)
-        assert read.specs.map.found.title == "mine"
+        assert isinstance(read.specs.map.spec_or_none, MapSpec)
+        assert read.specs.map.spec_or_none.title == "mine"
         assert [Path(one.path).resolve().parent for one in read.specs.vehicles.values()] == [project, elsewhere]

@@ -12,7 +12,7 @@ import msgspec
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Scene
 from autodrive.world import World
 from autodrive.world.scene_files import SceneFiles
@@ -93,7 +93,7 @@ class NativeClient:
 
 
 @contextlib.contextmanager
-def native_client(server: Server, name: str = "client", **options: Any) -> Iterator[NativeClient]:
+def native_client(server: SimulationServer, name: str = "client", **options: Any) -> Iterator[NativeClient]:
     with raw(server, **options) as socket:
         yield NativeClient(socket, name)
 
@@ -118,7 +118,7 @@ def connected(port: int) -> Iterator[NativeClient]:
 
 
 @contextlib.contextmanager
-def raw(server: Server, *, query: str = "", **options: Any) -> Iterator[ClientConnection]:
+def raw(server: SimulationServer, *, query: str = "", **options: Any) -> Iterator[ClientConnection]:
     query = query or (f"?token={server.token}" if server.token else "")
     with connect(
         f"ws://{server.address}/ws{query}",

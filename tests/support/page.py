@@ -16,7 +16,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from autodrive.connect.bridge.devkit import DevkitBridge
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Frame, VehicleFrame
 from autodrive.world.simulation import Simulation
@@ -54,10 +54,10 @@ class PageServer:
     """A Simulation and the Server with the page, both in this process."""
 
     simulation: Simulation
-    server: Server
+    server: SimulationServer
     bridge: DevkitBridge
     scenario: Callable[[], str]
-    with_token: Callable[[str], contextlib.AbstractContextManager[Server]]
+    with_token: Callable[[str], contextlib.AbstractContextManager[SimulationServer]]
     """Another server of the same simulation that requires a token."""
     folder: Path
     """With files of the user."""

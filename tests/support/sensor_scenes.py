@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from autodrive.base.arrays import Floats
 from autodrive.physics.grid import fixed_grid
-from autodrive.physics.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.physics.model import BOX, CYLINDER, SPHERE, ShapeTable
 from autodrive.physics.state import State
 
 
@@ -51,13 +51,13 @@ class Solid:
 class SensorScene(NamedTuple):
     """The first two arguments of `Sensor.sample`."""
 
-    shapes: Shapes
+    shapes: ShapeTable
     state: State
 
 
-def shapes_of(solids: list[Solid], n_fixed: int = 0) -> Shapes:
+def shapes_of(solids: list[Solid], n_fixed: int = 0) -> ShapeTable:
     """The first `n_fixed` solids are in the grid."""
-    unread: dict[str, Any] = dict.fromkeys(Shapes._fields, np.full(len(solids), -1, np.int64))
+    unread: dict[str, Any] = dict.fromkeys(ShapeTable._fields, np.full(len(solids), -1, np.int64))
     known: dict[str, Any] = {
         "kind": np.array([solid.kind for solid in solids], np.int64),
         "size": np.array([solid.size for solid in solids]).reshape(-1, 3),
@@ -68,7 +68,7 @@ def shapes_of(solids: list[Solid], n_fixed: int = 0) -> Shapes:
     }
     fixed = (known[name][:n_fixed] for name in ("kind", "size", "position", "rotation"))
     known |= {"n_fixed": n_fixed, "grid": fixed_grid(*fixed)}
-    return Shapes(**(unread | known))
+    return ShapeTable(**(unread | known))
 
 
 def scene(solids: list[Solid], vehicles: int = 1, n_fixed: int = 0, **columns: ArrayLike) -> SensorScene:

@@ -11,7 +11,7 @@ import numpy as np
 
 import autodrive
 from autodrive.physics import engine
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.near import Slots
 from autodrive.scenario import ScenarioSpec
 from autodrive.world import World
@@ -30,7 +30,7 @@ def whole_map_world(spec: ScenarioSpec, **arguments: Any) -> World:
     return world
 
 
-def _with_all(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
+def _with_all(spec: mujoco.MjSpec, fixed: ShapeTable) -> mujoco.MjModel:
     floor, static = spec.worldbody.first_geom(), spec.find_default("static")
     for s in range(len(fixed.kind)):
         geom = spec.worldbody.add_geom(static, type=int(fixed.kind[s]), size=fixed.size[s], pos=fixed.position[s])
@@ -39,7 +39,7 @@ def _with_all(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
     return spec.compile()
 
 
-def _leave(fixed: Shapes, qpos: Any, slots: Slots) -> None:
+def _leave(fixed: ShapeTable, qpos: Any, slots: Slots) -> None:
     """In place of `fill`: each shape has its geom, and no body is ever far from where it was."""
     slots.solid[:] = np.arange(len(slots.solid))
     slots.filled_at[:] = np.nan

@@ -12,7 +12,7 @@ import yaml
 
 from autodrive.base.specs import SpecProblems, joined
 from autodrive.base.yaml_files import find
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.protocol.messages import AddBox, Command, Place
 from autodrive.recording import open as open_recording
@@ -125,7 +125,10 @@ def test_a_campaign_changes_specs_without_the_files(folder: Path, tmp_path: Path
     runner = Runner(campaign)
     recording = tmp_path / "run.mcap"
     last = campaign.run(len(campaign) - 1)
-    results = [*map(runner.run, map(campaign.run, range(3))), runner.run(Run(3, 3, 0, last.values, str(recording)))]
+    results = [
+        *map(runner.run, map(campaign.run, range(3))),
+        runner.run(CampaignRun(3, 3, 0, last.values, str(recording))),
+    ]
     assert [result.error for result in results] == [""] * 4
     assert len({result.metrics["distance"] for result in results}) == 4
     with open_recording(recording) as recorded:  # it contains the changed files

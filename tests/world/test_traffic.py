@@ -13,7 +13,7 @@ import autodrive
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.parameters import applied, errors
-from autodrive.experiments.campaigns.sampling import Range
+from autodrive.experiments.campaigns.sampling import ParameterRange
 from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, TailLights, TrafficLightState
 from autodrive.scenario.files import read_scenario
 from autodrive.scenario.maps.spec import MapSpec
@@ -455,6 +455,6 @@ def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:
 
 def test_a_campaign_varies_the_traffic() -> None:
     town = read_scenario("tiny_town")
-    assert not errors(town, "traffic.cars", Range(choice=(0, 4)))
+    assert not errors(town, "traffic.cars", ParameterRange(choice=(0, 4)))
     spec = applied(town, {"traffic.cars": 4}).specs.scenario
     assert len(autodrive.make(spec).vehicle_names) == 5

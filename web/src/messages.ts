@@ -642,7 +642,9 @@ export interface BackOnRoad {
 }
 
 /**
- * The front of a vehicle crossed the stop line of a traffic light at red; `position` [m], shape (3,), as above.
+ * The front of a vehicle crossed the stop line of a traffic light at red.
+ *
+ * `position` [m], shape (3,), is the rear axle centre of the vehicle.
  */
 export interface RedLight {
   type: 'RedLight'
@@ -653,7 +655,9 @@ export interface RedLight {
 }
 
 /**
- * The front of a vehicle crossed the stop line of a stop sign, and it had not stopped before it.
+ * The front of a vehicle crossed the stop line of a stop sign, and the vehicle had not stopped before the line.
+ *
+ * `position` [m], shape (3,), is the rear axle centre of the vehicle.
  */
 export interface StopSign {
   type: 'StopSign'
@@ -755,7 +759,7 @@ export interface Hello {
  * Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
  *
  * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
- * are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
+ * are sent, as for `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.

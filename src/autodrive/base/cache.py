@@ -105,7 +105,7 @@ def _is_replaceable(path: Path) -> bool:
 
 
 def _umask() -> int:
-    """Of this process; the only way to read it is to set it."""
+    """File mode mask of this process; the only way to read it is to set it."""
     umask = os.umask(0o077)
     os.umask(umask)
     return umask
@@ -133,13 +133,13 @@ def sources(file: Path) -> list[Path]:
 
     `python_files.sources` has the files of a user.
     """
-    found, pending = {file}, [file]
+    files, pending = {file}, [file]
     while pending:
-        one = pending.pop()
-        new = _imported(one, one.stat().st_mtime_ns, PACKAGE.parent) - found
-        found |= new
+        source = pending.pop()
+        new = _imported(source, source.stat().st_mtime_ns, PACKAGE.parent) - files
+        files |= new
         pending += new
-    return sorted(found)
+    return sorted(files)
 
 
 _IMPORT = re.compile(r"(?:^|[;:])[ \t]*(?:import ([\w., ]+)|from ([\w.]+) import (\([^)]*\)|.*))", re.MULTILINE)
@@ -153,7 +153,9 @@ def _imported(file: Path, _modified: int, folder: Path) -> frozenset[Path]:
         names |= set(re.findall(r"[\w.]+", modules)) | {module}
         names |= {f"{module}.{member}" for member in re.findall(r"\w+", members)}
     paths = [folder.joinpath(*name.split(".")) for name in names if name.startswith("autodrive.")]
-    return frozenset(one for path in paths for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
+    return frozenset(
+        source for path in paths for source in (path.with_suffix(".py"), path / "__init__.py") if source.is_file()
+    )
 
 
 def read_cached(path: Path) -> bytes:

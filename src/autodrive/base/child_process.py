@@ -60,7 +60,7 @@ def start_module(module: str, *, has_children: bool = False) -> subprocess.Popen
 
 
 def end_with_parent() -> None:
-    """In the process: end at once when the process that started it has ended, or has closed its end of stdin."""
+    """End the process at once when the process that started it has ended, or has closed its end of stdin."""
     if not hasattr(select, "poll"):  # Windows: the process ends when it reads the next request
         return
     poll = select.poll()
@@ -96,7 +96,7 @@ class Group:
 
     @property
     def exit_code(self) -> int | None:
-        """Of the program; None while one of its processes runs, and 128 and the number of a signal that ended it."""
+        """Exit code of the program; None while one of its processes runs; 128 + signal if a signal ended it."""
         return self._process.poll()
 
     def close(self) -> None:
@@ -118,7 +118,7 @@ def cpu_count() -> int:
 
 def quotas(root: Path = Path("/")) -> list[float]:
     """Processors that the control groups of this process may use: version 2, else 1; empty without a limit."""
-    found: list[float] = []
+    limits: list[float] = []
     with contextlib.suppress(OSError):
         for entry in os.fsdecode((root / "proc/self/cgroup").read_bytes()).splitlines():
             _, controllers, path = entry.split(":", 2)
@@ -130,8 +130,8 @@ def quotas(root: Path = Path("/")) -> list[float]:
             group = Path(path.lstrip("/"))
             for place in (group, *group.parents):  # in a container, only the last one is there: the root
                 with contextlib.suppress(OSError, ValueError):
-                    found.append(_quota(folder / place, is_old=bool(controllers)))
-    return found
+                    limits.append(_quota(folder / place, is_old=bool(controllers)))
+    return limits
 
 
 def _quota(folder: Path, *, is_old: bool) -> float:
@@ -163,7 +163,7 @@ def environment() -> dict[str, str]:
 
 
 def take_stdout() -> BinaryIO:
-    """In the process: the pipe for answers. What anything else prints goes to stderr from now on."""
+    """The pipe for the answers of this process. What anything else prints goes to stderr from now on."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return answers

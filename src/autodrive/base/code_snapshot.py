@@ -29,13 +29,13 @@ class Code:
     folder: Path
     """Folder, from the root, in which the paths of the user begin, and in which scripts work."""
     files: dict[str, bytes]
-    """By path from the root, in the order in which they were named."""
+    """Contents of the files by path from the root, in the order in which they were named."""
     paths: tuple[str, ...]
     """Folders of the user in `sys.path`."""
 
     @classmethod
     def read(cls, files: Iterable[Path], folder: Path) -> Code:
-        """These files as they are now; those of the package are where the package is.
+        """The code in these files as they are now; those of the package are where the package is.
 
         Raises `AutodriveError` if a file cannot be read, also while `files` looks for files.
         """
@@ -95,7 +95,7 @@ class Workplace:
 
     @contextlib.contextmanager
     def entered(self) -> Iterator[None]:
-        """In the block, this process and those that it starts import the copies."""
+        """Let this process and those that it starts import the copies, inside the block."""
         before, variable = [*sys.path], os.environ.get("PYTHONPATH")
         inside = [path for path in self.paths if Path(path).is_relative_to(self.original)]
         copies = {path: str(self.root / os.path.relpath(path, self.original)) for path in inside}
@@ -113,7 +113,7 @@ class Workplace:
                 os.environ["PYTHONPATH"] = variable
 
 
-class Snapshot:
+class CodeSnapshot:
     """A folder with copies of code, from which it runs; the originals may change meanwhile.
 
     Each copy has the path from this folder that the original has from the root of the file system. Everything else
@@ -141,7 +141,7 @@ class Snapshot:
         reads_here = any(Path(os.path.abspath(file)).is_relative_to(here) for file in data)
         directory = self.root / code.directory if reads_here else here
         self.workplace = Workplace(directory, self.root, code.root, code.paths)
-        """Its working directory is a copy if `data` are in it."""
+        """The workplace of the code; the working directory is a copy if `data` are in it."""
 
     @property
     def folder(self) -> Path:

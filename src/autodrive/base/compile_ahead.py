@@ -36,7 +36,7 @@ def compile_ahead(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def main() -> None:
-    """In that process: compile a function, and print the name of each one that is compiled for it."""
+    """Compile a function in the child process, and print the name of each one that is compiled for it."""
     module, name, signature = pickle.load(sys.stdin.buffer)
     with jit.compiling(lambda function: print(function, flush=True)):
         getattr(importlib.import_module(module), name).compile(signature)

@@ -25,7 +25,7 @@ class SpecError(AutodriveError, ValueError):
         super().__init__("\n".join(lines) + (f"  ({path})" if path else ""))
 
     def __reduce__(self) -> tuple[type[SpecError], tuple[list[str], str]]:
-        """As pickle needs it: its argument is not the text."""
+        """Class and arguments for pickle, because the argument of the constructor is not the text of the error."""
         return type(self), (self.errors, self.path)
 
 

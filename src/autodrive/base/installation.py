@@ -43,7 +43,7 @@ def mujoco_error() -> str:
     if spec is None or spec.origin is None:
         return f"files of mujoco-core {core} are missing"
     names = [path.name for path in Path(spec.origin).parent.glob("libmujoco*")]
-    versions = {found[0] for name in names if (found := re.search(r"\d+\.\d+\.\d+", name))}
+    versions = {match[0] for name in names if (match := re.search(r"\d+\.\d+\.\d+", name))}
     if versions and core not in versions:
         return f"mujoco-core {core} is installed, but its files are of version {', '.join(sorted(versions))}"
     return ""

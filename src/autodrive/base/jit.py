@@ -54,7 +54,7 @@ SHIPPED = PACKAGE / "compiled"
 """Compiled functions that were installed with this package: only the wheels for x86-64 have them, see scripts/release.
 They are used for what is not in `CACHE`."""
 VERSIONS = "versions"
-"""Its file for people, with the `versions` for which it was compiled."""
+"""Name of the file in `SHIPPED` that says to people for which `versions` the functions were compiled."""
 BASELINE = "x86-64-v3", ""
 """`NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES` with which they were compiled: code for any processor that has these:"""
 BASELINE_NEEDS = (
@@ -70,7 +70,7 @@ def jit(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """As `jit`, for inner loops: LLVM copies the code into the callers, and references to arrays are not counted.
+    """Compile as `jit` does, for inner loops: LLVM copies the code into the callers, and does not count references.
 
     Passing a whole Model and State, and counting references to their arrays, would cost more than the function
     itself. Such a function, and a `jit_uncounted` function that calls it, cannot create arrays.
@@ -79,7 +79,7 @@ def inlined(function: Function) -> Function:
 
 
 def inlined_part(function: Function) -> Function:
-    """As `inlined`, for a function that is made in another one: it is not in the cache, only its callers are.
+    """Compile as `inlined` does, for a function that is made in another one: only its callers are in the cache.
 
     Only compiled code calls it.
     """
@@ -88,7 +88,7 @@ def inlined_part(function: Function) -> Function:
 
 
 def jit_uncounted(function: Function) -> Function:
-    """As `jit`, without reference counting, for the outermost function that calls `inlined` functions."""
+    """Compile as `jit` does, without reference counting: for the outermost function that calls `inlined` functions."""
     return _compiled(function, _nrt=False)
 
 
@@ -250,13 +250,13 @@ class _FileCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         rtsys.initialize(target_context)  # the rest of `refresh` serves compilations, which call it themselves
         _import_array_functions()
-        found = self._loaded(sig, target_context)
+        compiled = self._loaded(sig, target_context)
         path, _ = next(self.files(sig, target_context.codegen()), (None, ""))
-        if found is None and path is not None and turns.take(path):
-            found = self._loaded(sig, target_context)
-            if found is not None:
+        if compiled is None and path is not None and turns.take(path):
+            compiled = self._loaded(sig, target_context)
+            if compiled is not None:
                 turns.end(path)
-        return found
+        return compiled
 
     def _loaded(self, sig: Any, target_context: Any) -> CompileResult | None:
         for path, key in self.files(sig, target_context.codegen()):
@@ -309,7 +309,7 @@ class _FileCache(FunctionCache):
 
 @functools.cache
 def versions() -> str:
-    """Of all that makes code from a source: the compiler, and what it takes from Python and numpy."""
+    """Versions of all that makes code from a source: the compiler, and what it takes from Python and numpy."""
     settings = [getattr(config, name) for name in ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")]
     numpy = ".".join(np.__version__.split(".")[:2])
     packages = f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {numpy}"
@@ -333,7 +333,7 @@ def _import_array_functions() -> None:
 
 @functools.cache
 def source_digest(file: str) -> str:
-    """Of a file with compiled functions and all that it imports; empty if it cannot be read, as in a notebook."""
+    """Digest of a file with compiled functions and all that it imports; empty if it cannot be read (a notebook)."""
     try:
         digests = [file_digest(path) for path in sources(Path(file))]
     except OSError:
@@ -343,7 +343,7 @@ def source_digest(file: str) -> str:
 
 @functools.cache
 def file_digest(path: Path) -> str:
-    """Of the content of a file. Raises `OSError`."""
+    """Digest of the content of a file. Raises `OSError`."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 

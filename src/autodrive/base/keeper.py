@@ -77,13 +77,13 @@ def end_all(group: int) -> None:
 
 def children() -> list[int]:
     """Processes whose parent is this one; none where there is no /proc."""
-    found = []
+    numbers = []
     for name in os.listdir("/proc") if os.path.isdir("/proc") else ():
         if name.isdecimal():
             with contextlib.suppress(OSError), open(f"/proc/{name}/stat", "rb") as file:
                 if int(file.read().rpartition(b")")[2].split()[1]) == os.getpid():
-                    found.append(int(name))
-    return found
+                    numbers.append(int(name))
+    return numbers
 
 
 if __name__ == "__main__":

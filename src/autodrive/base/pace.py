@@ -16,7 +16,7 @@ MEASURING_TIME = 1.0
 """The real-time factor is the mean over about this much wall time [s]."""
 
 
-class Pace:
+class TickPace:
     """Keeps ticks of `tick_duration` [s] at `speed` simulated seconds per wall second (None: as fast as possible)."""
 
     def __init__(self, tick_duration: float, speed: float | None) -> None:

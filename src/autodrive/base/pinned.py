@@ -38,7 +38,7 @@ class Pinned(Generic[Tables]):
         self.type = PinnedType(numba.typeof(tables))
         self._words = np.array([*_words(tables)], np.int64)
         self.address = self._words.ctypes.data
-        """Of the words of all values, in the order in which Numba lays them out."""
+        """Address of the words of all values, in the order in which Numba lays them out."""
 
 
 def held(pinned: Pinned[Tables]) -> Tables:

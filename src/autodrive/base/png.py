@@ -71,11 +71,11 @@ def _unfilter(kind: int, line: NDArray[np.int32], above: NDArray[np.int32], row:
         row[1:] = (line + above[1:]) & 255
     else:
         step, up = row.shape[1], above.ravel().tolist()  # Python numbers: seven times as fast as arrays of one pixel
-        found = [0] * step
+        pixels = [0] * step
         for i, value in enumerate(line.ravel().tolist()):
-            a, b, c = found[i], up[i + step], up[i]
-            found.append((value + ((a + b) // 2 if kind == 3 else _paeth(a, b, c))) & 255)
-        row[:] = np.reshape(found, row.shape)
+            a, b, c = pixels[i], up[i + step], up[i]
+            pixels.append((value + ((a + b) // 2 if kind == 3 else _paeth(a, b, c))) & 255)
+        row[:] = np.reshape(pixels, row.shape)
 
 
 def _paeth(a: int, b: int, c: int) -> int:

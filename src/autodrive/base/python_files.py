@@ -38,7 +38,7 @@ MAX_SCRIPT = 20_000
 """What is read of a shell script [bytes]."""
 VARIABLE = re.compile(r"\$(\w+|\{[^}]*\}|\([^)]*\))")
 WORD = re.compile(r"[\w./+-]+")
-"""Of a shell script."""
+"""A word of a shell script."""
 
 
 def load(file: Path, name: str) -> Any:
@@ -61,13 +61,13 @@ def sources(file: Path, start: Path | None = None) -> list[Path]:
     importlib.invalidate_caches()
     _folder_of.cache_clear()
     file = Path(os.path.abspath(file))
-    found, pending = {file}, [file]
+    files, pending = {file}, [file]
     while pending:
         path = pending.pop()
-        new = {*_named(path, start or file.parent), *_loaded.get(path, ())} - found
-        found |= new
+        new = {*_named(path, start or file.parent), *_loaded.get(path, ())} - files
+        files |= new
         pending += new
-    return sorted(found)
+    return sorted(files)
 
 
 def script_files(command: str, folder: Path) -> Iterator[Path]:
@@ -78,18 +78,18 @@ def script_files(command: str, folder: Path) -> Iterator[Path]:
     """
     files = [path for word in shlex.split(command) if (path := folder / word).is_file() and not _is_program(path)]
     named = [*dict.fromkeys(Path(os.path.abspath(path)) for path in files)]
-    found = {*named, *_named_by_shell(command, folder)}
-    pending = [*found]
+    deciding = {*named, *_named_by_shell(command, folder)}
+    pending = [*deciding]
     while pending:
         file = pending.pop()
         text = file.read_bytes()[:MAX_SCRIPT]
         if file.suffix == ".py" or (text.startswith(b"#!") and b"python" in text.partition(b"\n")[0]):
-            found |= {*sources(file)}
+            deciding |= {*sources(file)}
         elif b"\0" not in text:
-            code = _named_by_shell(text.decode(errors="ignore"), folder, file.parent) - found
-            found |= code
+            code = _named_by_shell(text.decode(errors="ignore"), folder, file.parent) - deciding
+            deciding |= code
             pending += code
-    yield from (*named, *sorted(found - {*named}))
+    yield from (*named, *sorted(deciding - {*named}))
 
 
 def replacing_modules(folder: Path) -> list[str]:
@@ -102,15 +102,15 @@ def replacing_modules(folder: Path) -> list[str]:
 
 def opaque(file: str, content: bytes) -> list[str]:
     """Places in a Python file that run code which its text does not name: 'driver.py, line 3: exec'."""
-    found = set[tuple[int, str]]()
+    places = set[tuple[int, str]]()
     for call in ast.walk(_tree(content)):
         if isinstance(call, ast.Call):
             name = _name(call.func)
             is_constant = all(isinstance(argument, ast.Constant) for argument in call.args[:1])
             is_method = name == "exec" and isinstance(call.func, ast.Attribute)
             if (name in OPAQUE and not is_method) or (name in BY_NAME and not is_constant):
-                found.add((call.lineno, name))
-    return [f"{Path(file).name}, line {line}: {name}" for line, name in sorted(found)]
+                places.add((call.lineno, name))
+    return [f"{Path(file).name}, line {line}: {name}" for line, name in sorted(places)]
 
 
 def own_paths() -> tuple[str, ...]:
@@ -120,7 +120,7 @@ def own_paths() -> tuple[str, ...]:
 
 @contextlib.contextmanager
 def copied(root: Path, target: Path) -> Iterator[None]:
-    """In the block, files below `target` import the copies there of files below `root`."""
+    """Let files below `target` import the copies there of files below `root`, inside the block."""
     _copies[target] = root
     try:
         yield
@@ -149,7 +149,7 @@ def _module(file: Path) -> ModuleType:
         sys.path.append(str(file.parent))  # objects in a pickle are of modules with plain names
     importlib.invalidate_caches()
     _folder_of.cache_clear()
-    spec = importlib.util.spec_from_file_location(name, file, loader=_Loader(name, str(file)))
+    spec = importlib.util.spec_from_file_location(name, file, loader=_SourceLoader(name, str(file)))
     assert spec is not None
     assert spec.loader is not None
     before = {*sys.modules}
@@ -175,12 +175,12 @@ def _module(file: Path) -> ModuleType:
 
 def _closure(file: Path) -> set[Path]:
     """A loaded file, and all that it has imported, directly or not; empty if it is not loaded."""
-    found, pending = set[Path](), [file] if file in _stamps else []
+    imported, pending = set[Path](), [file] if file in _stamps else []
     while pending:
         path = pending.pop()
-        found.add(path)
-        pending += _loaded.get(path, set()) - found
-    return found & _stamps.keys()
+        imported.add(path)
+        pending += _loaded.get(path, set()) - imported
+    return imported & _stamps.keys()
 
 
 def _forget(changed: set[Path]) -> None:
@@ -229,18 +229,18 @@ class _Finder:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """As a finder of the standard library."""
+        """Find a module as the standard library does; modules of the user get a `_SourceLoader`."""
         spec = PathFinder.find_spec(name, path, target) if SPACE.match(name) else None
         if spec is not None and isinstance(spec.loader, SourceFileLoader):
-            spec.loader = _Loader(spec.loader.name, spec.loader.path)
+            spec.loader = _SourceLoader(spec.loader.name, spec.loader.path)
         return spec
 
 
-class _Loader(SourceFileLoader):
+class _SourceLoader(SourceFileLoader):
     """Compiles the text of a file that is there now; its imports are those of its folder."""
 
     def get_code(self, fullname: str) -> CodeType:
-        """Not from `__pycache__`, which may be that of another text of the same second and length."""
+        """Compile the text of the file, not `__pycache__`, which may be of another text of the same second and size."""
         path = Path(os.path.abspath(self.get_filename(fullname)))
         _stamps[path] = _stamp(path)
         _loaded[path] = set()
@@ -305,7 +305,7 @@ def _importlib(importer: Mapping[str, Any]) -> ModuleType:
 def _note(importer: Mapping[str, Any], full: str, members: Sequence[str]) -> None:
     """Keep in mind which files an import has loaded."""
     parts = full.split(".")
-    names = {".".join(parts[:count]) for count in range(2, len(parts) + 1)} | {f"{full}.{one}" for one in members}
+    names = {".".join(parts[:count]) for count in range(2, len(parts) + 1)} | {f"{full}.{member}" for member in members}
     files = {path for name in names if name in sys.modules and (path := _file(sys.modules[name]))}
     if own := importer.get("__file__"):
         _loaded.setdefault(Path(os.path.abspath(own)), set()).update(files)
@@ -384,7 +384,9 @@ def _named(file: Path, start: Path) -> set[Path]:
                 names |= {module, *members}
         elif isinstance(node, ast.Call) and _name(node.func) in BY_NAME:
             names |= {
-                one.value for one in node.args[:1] if isinstance(one, ast.Constant) and isinstance(one.value, str)
+                argument.value
+                for argument in node.args[:1]
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
             }
     added = [*_added_paths(tree, file)]
     places = {

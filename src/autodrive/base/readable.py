@@ -17,7 +17,7 @@ _refusal: ContextVar[Refusal] = ContextVar("_refusal", default=lambda _: "")
 
 @contextmanager
 def reading_only(refusal: Refusal) -> Iterator[None]:
-    """In the block, this thread reads no file that `refusal` refuses."""
+    """Have this thread read no file that `refusal` refuses, inside the block."""
     token = _refusal.set(refusal)
     try:
         yield

@@ -36,9 +36,9 @@ def _seconds(value: Any) -> Any:
         if isinstance(value, str | int | float) and 0.0 < float(value) <= 24.0:
             raise ValueError(f"{value} would be {value} seconds after midnight: write HH:MM, such as 18:30")
         return value
-    if not (found := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d))?", value)) or not int(found[1]) < 24:
+    if not (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d))?", value)) or not int(match[1]) < 24:
         raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
-    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
+    return 3600.0 * int(match[1]) + 60.0 * int(match[2]) + int(match[3] or 0)
 
 
 TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
@@ -81,7 +81,7 @@ Key: TypeAlias = tuple[str, ...]
 """A location in a text, such as ("placements", "3", "x"); in a table for several files, the first part is the file."""
 
 
-class Place(NamedTuple):
+class PlaceInFile(NamedTuple):
     """A value in the text of a problem; `joined` adds its line."""
 
     file: Literal["scenario", "map"]
@@ -90,7 +90,7 @@ class Place(NamedTuple):
     """How the text calls it; left out: by its location."""
 
 
-Problem: TypeAlias = tuple[Place | str, ...]
+Problem: TypeAlias = tuple[PlaceInFile | str, ...]
 """What is wrong when Specs are compiled: the parts of a message."""
 
 
@@ -110,8 +110,8 @@ class Described(Generic[T]):
     """What a file says. It is equal only to itself, so that caches can use it as a key."""
 
     name: str
-    """Of the file, without folder and suffix."""
-    found: T | None
+    """Name of the file, without folder and suffix."""
+    spec_or_none: T | None
     error: SpecError | None = None
     """Why there is no Spec."""
     path: str = ""
@@ -122,8 +122,8 @@ class Described(Generic[T]):
         """The Spec. Raises `SpecError` if there is none."""
         if self.error is not None:
             raise self.error
-        assert self.found is not None
-        return self.found
+        assert self.spec_or_none is not None
+        return self.spec_or_none
 
 
 _PYTHON_TYPE = re.compile(r"(bool|int|float|str|none|tuple\[.*|list\[.*|dict\[.*|\[key\])$")
@@ -156,14 +156,14 @@ def short(text: str) -> str:
 
 def messages(errors: Sequence[Any], spec: type[BaseModel], at: Callable[..., str] = place_text) -> list[str]:
     """The errors of pydantic, and each of the broken rules, in our words. `at`: the text of a location."""
-    found: list[str] = []
+    texts: list[str] = []
     for error in errors:
         rules = error.get("ctx", {}).get("error")
         if isinstance(rules, RuleError):
-            found += [f"{at(*_location(error), *place)}: {text}" for place, text in rules.errors]
+            texts += [f"{at(*_location(error), *place)}: {text}" for place, text in rules.errors]
         else:
-            found.append(_message(error, spec, at))
-    return found
+            texts.append(_message(error, spec, at))
+    return texts
 
 
 def with_line(name: str, location: Sequence[str | int], lines: Mapping[Key, int]) -> str:
@@ -176,7 +176,7 @@ def with_line(name: str, location: Sequence[str | int], lines: Mapping[Key, int]
 def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
     """The messages of problems, with the lines of their places."""
 
-    def text(part: Place | str) -> str:
+    def text(part: PlaceInFile | str) -> str:
         if isinstance(part, str):
             return part
         return with_line(part.name or place_text(*part.location), (part.file, *part.location), lines)
@@ -217,15 +217,15 @@ _ENTRIES = {"model_type", "model_attributes_type"}
 _NUMBERS = {"int_type", "int_parsing", "float_type", "float_parsing"}
 
 
-def _advice(kind: str, given: Any) -> str:
+def _advice(kind: str, value: Any) -> str:
     """What would be right instead of a value, for frequent mistakes; `kind`: the type of the error of pydantic."""
-    if kind in _NUMBERS and isinstance(given, str):
-        if found := re.fullmatch(r"([-+]?\d*),(\d+)", given):
-            return f"; write {found[1] or 0}.{found[2]}, with a decimal point"
-        if found := re.fullmatch(r"[-+]?[\d.]+ *([^\d\s.]+)", given):
-            return f"; write a number without '{found[1]}', in the unit that the documentation of the key states"
-    if kind in {"string_type", "invalid_key"} and isinstance(given, bool | int | float):
-        reason = " (YAML reads yes, no, on and off as true and false)" if isinstance(given, bool) else ""
+    if kind in _NUMBERS and isinstance(value, str):
+        if match := re.fullmatch(r"([-+]?\d*),(\d+)", value):
+            return f"; write {match[1] or 0}.{match[2]}, with a decimal point"
+        if match := re.fullmatch(r"[-+]?[\d.]+ *([^\d\s.]+)", value):
+            return f"; write a number without '{match[1]}', in the unit that the documentation of the key states"
+    if kind in {"string_type", "invalid_key"} and isinstance(value, bool | int | float):
+        reason = " (YAML reads yes, no, on and off as true and false)" if isinstance(value, bool) else ""
         return f"; put it in quotes{reason}"
     return ""
 
@@ -249,9 +249,9 @@ def _message(error: Any, spec: type[BaseModel], at: Callable[..., str]) -> str:
             text += " If it belongs to a decimal number, write a point: 0.5"
     else:
         text = _TEXTS.get(error["type"], "is not valid").format(**error.get("ctx", {}))
-        given = error.get("input")
-        if error["type"] not in {"missing", "value_error", "assertion_error"} and not isinstance(given, dict | list):
-            text += f", not {'empty' if given is None else short(_repr(given))}" + _advice(error["type"], given)
+        value = error.get("input")
+        if error["type"] not in {"missing", "value_error", "assertion_error"} and not isinstance(value, dict | list):
+            text += f", not {'empty' if value is None else short(_repr(value))}" + _advice(error["type"], value)
         if error["type"] in _ENTRIES and (known := _fields(spec, location)):
             text += f". Known: {', '.join(known)}."
     return f"{place}: {text}"
@@ -268,11 +268,11 @@ def _fields(spec: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
     """Field names of the Spec at that location; none if it is not the location of a Spec."""
     specs = [spec]
     for part in location:
-        fields = [one.model_fields[part].annotation for one in specs if part in one.model_fields]
+        fields = [candidate.model_fields[part].annotation for candidate in specs if part in candidate.model_fields]
         if fields:
             specs = _inner_specs(fields[0])
         elif isinstance(part, str) and len(specs) > 1:  # the tag of a union, such as 'line' of a shape
-            specs = [one for one in specs if one.__name__.lower() == part]
+            specs = [candidate for candidate in specs if candidate.__name__.lower() == part]
     return sorted(specs[0].model_fields) if specs else []
 
 
@@ -280,4 +280,4 @@ def _inner_specs(annotation: Any) -> list[type[BaseModel]]:
     """The Specs in an annotation, such as those of a list, of a dictionary or of a union."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [found for argument in getattr(annotation, "__args__", ()) for found in _inner_specs(argument)]
+    return [inner for argument in getattr(annotation, "__args__", ()) for inner in _inner_specs(argument)]

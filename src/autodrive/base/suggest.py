@@ -51,9 +51,9 @@ def suggest(word: str, known: list[str]) -> str:
     return f"{text} Did you mean '{close[0]}'?" if close else text
 
 
-def check_keywords(name: str, given: Iterable[str], known: list[str]) -> None:
+def check_keywords(name: str, words: Iterable[str], known: list[str]) -> None:
     """Raises `TypeError` for a keyword argument that `name` does not have."""
-    for word in given:
+    for word in words:
         if word not in known:
             raise TypeError(f"{name}() has no argument '{word}'. {suggest(word, known)}")
 
@@ -61,7 +61,7 @@ def check_keywords(name: str, given: Iterable[str], known: list[str]) -> None:
 def with_suggestions(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """The function, whose error for an unknown keyword argument says which there are."""
     name = function.__qualname__.removesuffix(".__init__")
-    known = [one for one in inspect.signature(function).parameters if one != "self"]
+    known = [parameter for parameter in inspect.signature(function).parameters if parameter != "self"]
 
     @functools.wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:

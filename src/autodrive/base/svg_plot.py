@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b")
 WIDTH, HEIGHT, LEFT, RIGHT, TOP = 900, 190, 80, 170, 26
-"""Of a panel and its margins [pixels]."""
+"""Size of a panel, and its margins [pixels]."""
 COLUMNS = 1600
 """Points of a curve at most; of more, the least and the greatest in each column are drawn."""
 
@@ -31,7 +31,7 @@ class Scale(NamedTuple):
 
     @property
     def ticks(self) -> list[float]:
-        """Both ends and the middle."""
+        """Values that are written beside the axis: both ends and the middle."""
         return [self.low, (self.low + self.high) / 2, self.high] if self.high > self.low else [self.low]
 
 
@@ -42,7 +42,7 @@ def scale(values: NDArray[np.float64] | Sequence[float], start: float, end: floa
 
 def svg(width: float, height: float, *content: str, box: Sequence[float] = (), font: str = "") -> str:
     """A drawing of that size [pixels]; `box`: left, top, width and height of what it shows. `font`: of all texts."""
-    view = f' viewBox="{" ".join(f"{one:.3f}" for one in box)}"' if box else ""
+    view = f' viewBox="{" ".join(f"{bound:.3f}" for bound in box)}"' if box else ""
     inside = "".join(content)
     return f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}"{view}{font}>{inside}</svg>'
 
@@ -61,7 +61,7 @@ class Curves(NamedTuple):
     """A panel of a plot: curves over time."""
 
     title: str
-    """With the unit."""
+    """Title of the panel, with the unit of the curves."""
     times: NDArray[np.float64]
     """[s], shape (n,)."""
     columns: Sequence[NDArray[np.float64]]

@@ -26,8 +26,8 @@ def is_every_interface(host: str) -> bool:
 
 def listener(host: str, port: int) -> socket.socket:
     """A socket that listens at an IPv4 or IPv6 address, or at that of a name; '::' takes both. Raises `OSError`."""
-    found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    families = {family for family, *_ in found}
+    addresses = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    families = {family for family, *_ in addresses}
     family = socket.AF_INET if socket.AF_INET in families else socket.AF_INET6
     takes_both = family == socket.AF_INET6 and is_every_interface(host) and socket.has_dualstack_ipv6()
     return socket.create_server((host, port), family=family, backlog=200, dualstack_ipv6=takes_both)

@@ -35,11 +35,11 @@ T = TypeVar("T", bound=Spec)
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _Loader(_SafeLoader):
+class _PlainLoader(_SafeLoader):
     """Loads plain YAML; a date and a time are texts. The numbers are checked by `_number`."""
 
 
-_Loader.yaml_implicit_resolvers = {
+_PlainLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
     for first, resolvers in _SafeLoader.yaml_implicit_resolvers.items()
 }
@@ -64,8 +64,8 @@ def _number(loader: Any, node: yaml.ScalarNode) -> int | float | str:
     raise ConstructorError(None, None, f"'{short(node.value)}' is not a number", node.start_mark)
 
 
-_Loader.add_constructor("tag:yaml.org,2002:int", _number)
-_Loader.add_constructor("tag:yaml.org,2002:float", _number)
+_PlainLoader.add_constructor("tag:yaml.org,2002:int", _number)
+_PlainLoader.add_constructor("tag:yaml.org,2002:float", _number)
 
 
 def names(kind: Kind) -> list[str]:
@@ -132,7 +132,7 @@ class Source:
             raise SpecError([f"a file must have at most {MAX_BYTES // 2**20} MiB"], path)
         try:
             _check_limits(text)
-            loader = _Loader(text)
+            loader = _PlainLoader(text)
             try:
                 self._node = loader.get_single_node()
                 _make_keys_texts(self._node)
@@ -147,20 +147,20 @@ class Source:
     @functools.cached_property
     def lines(self) -> dict[Key, int]:
         """Line (from 1) of each key and entry."""
-        found: dict[Key, int] = {}
+        line_of: dict[Key, int] = {}
 
         def walk(node: yaml.Node | None, key: Key) -> None:
             inner: dict[str, tuple[yaml.Node, yaml.Node]] = {}
             if isinstance(node, yaml.MappingNode):
-                inner = {_text_of(one): (one, value) for one, value in node.value}
+                inner = {_text_of(key_node): (key_node, value) for key_node, value in node.value}
             elif isinstance(node, yaml.SequenceNode):
-                inner = {str(i): (one, one) for i, one in enumerate(node.value)}
+                inner = {str(i): (entry, entry) for i, entry in enumerate(node.value)}
             for part, (start, value) in inner.items():
-                found[*key, part] = start.start_mark.line + 1
+                line_of[*key, part] = start.start_mark.line + 1
                 walk(value, (*key, part))
 
         walk(self._node, ())
-        return found
+        return line_of
 
     def at(self, *location: str | int) -> str:
         """Where a value is: 'vehicles.V1.x (line 4)'."""
@@ -210,8 +210,8 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
     A faulty entry of a collection, such as one vehicle, is left out, or else the whole value of the key.
     """
     if not isinstance(source.tree, dict):
-        found = "nothing" if source.tree is None else "a list" if isinstance(source.tree, list) else "a value"
-        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {found}"]
+        content = "nothing" if source.tree is None else "a list" if isinstance(source.tree, list) else "a value"
+        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {content}"]
     duplicates = source.duplicate_keys
     try:
         return spec.model_validate(source.tree), [*duplicates]
@@ -222,7 +222,7 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
         errors.append(f"and {len(details) - MAX_ERRORS} more errors")
     tree, emptied = dict(source.tree), {}
     faulty: dict[Any, set[Any]] = {}
-    for key, *rest in (one["loc"] for one in details if one["loc"]):
+    for key, *rest in (error["loc"] for error in details if error["loc"]):
         inner = source.tree.get(key)
         if rest and isinstance(inner, dict) and isinstance(inner.get(rest[0]), dict):
             faulty.setdefault(key, set()).add(rest[0])
@@ -240,10 +240,10 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
 
 def checked_source(source: Source, spec: type[T]) -> T:
     """The checked Spec of a text. Raises `SpecError` with all errors."""
-    found, errors = readable(source, spec)
-    if errors or found is None:
+    checked, errors = readable(source, spec)
+    if errors or checked is None:
         raise SpecError(errors, source.path)
-    return found
+    return checked
 
 
 def titles(kind: Kind, spec: type[Spec]) -> dict[str, str]:
@@ -272,7 +272,7 @@ def _check_limits(text: str) -> None:
             size = (nodes + 1, depth + 1)
         elif isinstance(event, yaml.AliasEvent):
             anchor, size = None, anchors.get(event.anchor, (1, 1))
-            if any(event.anchor == one for one, _ in collections):
+            if any(event.anchor == anchor for anchor, _ in collections):
                 problem = f"the alias '*{event.anchor}' is inside its own anchor"
             total += size[0]
         elif isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent):
@@ -297,8 +297,8 @@ def _check_limits(text: str) -> None:
         if anchor:
             anchors[anchor] = size
         if collections:
-            of = collections[-1][1]
-            of[0], of[1] = of[0] + size[0], max(of[1], size[1])
+            enclosing = collections[-1][1]
+            enclosing[0], enclosing[1] = enclosing[0] + size[0], max(enclosing[1], size[1])
 
 
 _HINTS = (
@@ -313,10 +313,10 @@ def _yaml_error(error: Exception, text: str) -> str:
     """An error of PyYAML as 'invalid YAML (line n): what is wrong'."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if isinstance(error, yaml.MarkedYAMLError) and mark:
-        what = " ".join(part for part in (error.context, error.problem) if part)
+        problem = " ".join(part for part in (error.context, error.problem) if part)
         line = "".join(text.splitlines()[mark.line : mark.line + 1])
-        hints = _HINTS[:1] if line.lstrip(" ").startswith("\t") else [one for one in _HINTS if one[0] in what]
-        return f"invalid YAML (line {mark.line + 1}): {what}{''.join(hint for _, hint in hints)}"
+        hints = _HINTS[:1] if line.lstrip(" ").startswith("\t") else [hint for hint in _HINTS if hint[0] in problem]
+        return f"invalid YAML (line {mark.line + 1}): {problem}{''.join(hint for _, hint in hints)}"
     position = getattr(error, "position", 0)
     line = text.encode("utf-8", "replace").count(b"\n", 0, position) + 1
     return f"invalid YAML (line {line}): {getattr(error, 'reason', None) or error}"

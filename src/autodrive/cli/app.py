@@ -111,14 +111,14 @@ app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")
 
 
-def _restore_help(of: typer.Typer) -> None:
+def _restore_help(app: typer.Typer) -> None:
     """Read the texts of the help from the source: `python -OO` has removed the docstrings, which contain them."""
-    for command in (*of.registered_commands, of.registered_callback):
+    for command in (*app.registered_commands, app.registered_callback):
         if command is not None and command.callback is not None:
             with contextlib.suppress(OSError):  # the source is not installed
                 (definition,) = ast.parse(inspect.getsource(command.callback)).body
                 command.help = ast.get_docstring(definition)  # pyright: ignore[reportArgumentType]
-    for group in of.registered_groups:
+    for group in app.registered_groups:
         if group.typer_instance is not None:
             _restore_help(group.typer_instance)
 
@@ -138,7 +138,7 @@ class LastingStream:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """As that of the stream."""
+        """Write to the stream; a text of which it cannot encode each character is escaped."""
         try:
             return self._stream.write(encodable(text) if self._stream.errors == "backslashreplace" else text)
         except BrokenPipeError:
@@ -146,7 +146,7 @@ class LastingStream:
             return len(text)
 
     def flush(self) -> None:
-        """As that of the stream."""
+        """Flush the stream."""
         try:
             self._stream.flush()
         except BrokenPipeError:

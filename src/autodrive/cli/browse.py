@@ -40,9 +40,9 @@ def list_(
     if folder is not None:
         from autodrive.run.own_files import UserFiles
 
-        for name, one in UserFiles(folder).listed().items():
-            if one.kind == kind:
-                typer.echo(f"{folder / name!s:<24} {one.title}".rstrip())
+        for name, file in UserFiles(folder).listed().items():
+            if file.kind == kind:
+                typer.echo(f"{folder / name!s:<24} {file.title}".rstrip())
 
 
 def show(
@@ -69,51 +69,52 @@ def show(
     """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
 
-    found = kind or spec_files.kind_of_name(name)
+    kind_of_file = kind or spec_files.kind_of_name(name)
     if yaml:
         from autodrive.base.yaml_files import find
 
-        typer.echo(find(found, name).read_text(encoding="utf-8"), nl=False)
+        typer.echo(find(kind_of_file, name).read_text(encoding="utf-8"), nl=False)
         return
     rasters = occupancy or labels
     for text, is_wrong in {
-        "--output is for images of maps and modules": output and found in {"vehicle", "ruleset"},
-        "--occupancy and --labels are for maps, modules and scenarios": rasters and found in {"vehicle", "ruleset"},
-        "--3d is not for rules": in_3d and found == "ruleset",
+        "--output is for images of maps and modules": output and kind_of_file in {"vehicle", "ruleset"},
+        "--occupancy and --labels are for maps, modules and scenarios": rasters
+        and kind_of_file in {"vehicle", "ruleset"},
+        "--3d is not for rules": in_3d and kind_of_file == "ruleset",
     }.items():
         if is_wrong:
-            raise typer.BadParameter(f"{text}; '{name}' is a {found}")
+            raise typer.BadParameter(f"{text}; '{name}' is a {kind_of_file}")
     check_end("--output", output, ".png", ".svg")
     check_end("--3d", in_3d, ".png")
     check_end("--labels", labels, ".png")
-    what = f"{found} '{Path(name).stem}'"
-    if output is None and found in {"map", "track", "module"} and not (in_3d or rasters):
+    title = f"{kind_of_file} '{Path(name).stem}'"
+    if output is None and kind_of_file in {"map", "track", "module"} and not (in_3d or rasters):
         output = Path(f"{Path(name).stem}.png")
-    map_ = spec_files.map_of(found, name) if rasters else None
+    map_ = spec_files.map_of(kind_of_file, name) if rasters else None
     grid = [occupancy / f"{map_.name}{suffix}" for suffix in (".png", ".yaml")] if map_ and occupancy else []
     check_outputs(output, in_3d, labels, *grid, is_forced=force)
     if in_3d is not None:
         from autodrive.cli.preview import render_preview
 
-        render_preview(found, name, in_3d, is_day=not night)
-        typer.echo(f"wrote {what} to {in_3d}")
+        render_preview(kind_of_file, name, in_3d, is_day=not night)
+        typer.echo(f"wrote {title} to {in_3d}")
     if map_ is not None:
         from autodrive.scenario.maps import raster
 
         if occupancy is not None:
-            typer.echo(f"wrote the occupancy grid of {what} to {raster.write_occupancy(map_, occupancy)}")
+            typer.echo(f"wrote the occupancy grid of {title} to {raster.write_occupancy(map_, occupancy)}")
         if labels is not None:
             raster.write_labels(map_, labels)
-            typer.echo(f"wrote the labels of {what} to {labels}")
+            typer.echo(f"wrote the labels of {title} to {labels}")
     if output is not None:
-        spec_files.draw(found, name, output)
-        typer.echo(f"wrote {what} to {output}")
-        if found == "module":
+        spec_files.draw(kind_of_file, name, output)
+        typer.echo(f"wrote {title} to {output}")
+        if kind_of_file == "module":
             for line in spec_files.size_and_ports(name):
                 typer.echo(line)
     if output or in_3d or rasters:
         return
-    rows = list(spec_files.fields(found, name))
+    rows = list(spec_files.fields(kind_of_file, name))
     width = max(len(field) for field, _ in rows)
     for field, value in rows:
         typer.echo(f"{field:<{width}}  {value}".rstrip())
@@ -129,8 +130,8 @@ def check(
     """Check a scenario, map, track, vehicle or module and all files that it refers to; report all errors."""
     from autodrive.cli import spec_files
 
-    found, title, warnings = spec_files.check(name, kind)
+    kind_of_file, title, warnings = spec_files.check(name, kind)
     for warning in warnings:
         typer.echo(f"autodrive: warning: {warning}", err=True)
     titled = f" '{title}'" if title else ""
-    typer.echo(f"{name}: {found}{titled} is valid")
+    typer.echo(f"{name}: {kind_of_file}{titled} is valid")

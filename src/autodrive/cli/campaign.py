@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.campaigns.runs import Outcome
 
 LOG_INTERVAL = 60.0
-"""Without a terminal, a line says each minute how far a campaign is [s]."""
+"""Time after which a line says again how far a campaign is, without a terminal [s]."""
 
 
 class CampaignCommand(typer.core.TyperCommand):
@@ -29,11 +29,11 @@ class CampaignCommand(typer.core.TyperCommand):
 
         following = [*args[1:], ""]
         stands_alone = [
-            one == "--ray" and (not after or after.startswith("-") or is_yaml(after))
-            for one, after in zip(args, following, strict=True)
+            argument == "--ray" and (not after or after.startswith("-") or is_yaml(after))
+            for argument, after in zip(args, following, strict=True)
         ]
         return super().parse_args(
-            ctx, ["--ray=auto" if alone else one for one, alone in zip(args, stands_alone, strict=True)]
+            ctx, ["--ray=auto" if alone else argument for argument, alone in zip(args, stands_alone, strict=True)]
         )
 
 
@@ -134,7 +134,7 @@ def _run(
             stack.enter_context(repeated(log, LOG_INTERVAL))
 
         class Display(runs.CampaignObserver):
-            def progress(self, progress: runs.Progress) -> None:
+            def progress(self, progress: runs.CampaignProgress) -> None:
                 speed = bar.tasks[0].speed
                 rate = f"{speed:.3g}/s" if speed else ""
                 if progress.failures or progress.errors:
@@ -162,10 +162,10 @@ def _print(loaded: Campaign, outcome: Outcome) -> None:
     if judged and judged["rate"] is not None:
         low, high = 100 * judged["low"], 100 * judged["high"]
         typer.echo(f"pass rate {100 * judged['rate']:.1f} %, 95 % confidence {low:.1f} to {high:.1f} %")
-    for name, one in numbers["metrics"].items():
-        if one["runs"]:
-            interval = "" if one["low"] is None else f", 95 % confidence {one['low']:.4g} to {one['high']:.4g}"
-            typer.echo(f"{name}: mean {one['mean']:.4g}{interval}, from {one['min']:.4g} to {one['max']:.4g}")
+    for name, metric in numbers["metrics"].items():
+        if metric["runs"]:
+            interval = "" if metric["low"] is None else f", 95 % confidence {metric['low']:.4g} to {metric['high']:.4g}"
+            typer.echo(f"{name}: mean {metric['mean']:.4g}{interval}, from {metric['min']:.4g} to {metric['max']:.4g}")
     if not numbers["seed_changes_results"]:
         from autodrive.experiments.campaigns.statistics import SEED_CHANGES_NOTHING
 

@@ -127,9 +127,9 @@ def package(name: str, requirement: str) -> Check:
 
 def _data() -> Check:
     folder = PACKAGE / "scenario" / "data"
-    found = {kind: len(list((folder / kind).glob("*.yaml"))) for kind in ("vehicles", "modules", "maps", "scenarios")}
-    text = ", ".join(f"{count} {kind}" for kind, count in found.items())
-    return Check("spec files", all(found.values()), text, f"{pip('install')} --force-reinstall {DISTRIBUTION}")
+    counts = {kind: len(list((folder / kind).glob("*.yaml"))) for kind in ("vehicles", "modules", "maps", "scenarios")}
+    text = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    return Check("spec files", all(counts.values()), text, f"{pip('install')} --force-reinstall {DISTRIBUTION}")
 
 
 def _cache() -> Check:
@@ -185,7 +185,7 @@ def _machine() -> Check:
 
 
 def _page() -> Check:
-    """Without the page, only programs can connect."""
+    """Check whether the page is installed, without which only programs can connect."""
     index = PACKAGE / "page" / "index.html"
     if index.is_file():
         return Check("page", True, str(index.parent))
@@ -220,10 +220,10 @@ def _browser() -> Check:
     from autodrive.run.browser import has_screen
 
     names = ("firefox", "chromium", "google-chrome", "chromium-browser", "google-chrome-stable", "microsoft-edge")
-    found = next((path for name in names if (path := shutil.which(name))), "")
+    browser = next((path for name in names if (path := shutil.which(name))), "")
     if has_screen():
-        return Check("browser", True, found or "system default")
-    return Check("browser", True, f"{found or 'none found'}; no display: run prints the link instead of opening it")
+        return Check("browser", True, browser or "system default")
+    return Check("browser", True, f"{browser or 'none found'}; no display: run prints the link instead of opening it")
 
 
 def _devkit() -> Check:

@@ -46,8 +46,8 @@ def identify(
     check_suffix(picture)
     check_end("--output", output, ".yaml", ".yml")
     check_outputs(output, picture, is_forced=force)
-    wanted = [one.strip() for one in free.split(",") if one.strip()]
-    found = fit(
+    wanted = [path.strip() for path in free.split(",") if path.strip()]
+    fitted = fit(
         file,
         vehicle,
         wanted,
@@ -58,7 +58,7 @@ def identify(
         window=window,
         threads=threads,
     )
-    found.write(output)
-    found.plot(picture)
-    typer.echo(found.table())
+    fitted.write(output)
+    fitted.plot(picture)
+    typer.echo(fitted.table())
     typer.echo(f"wrote {output} and {picture}")

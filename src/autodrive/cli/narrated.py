@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 SILENCE = 3.0
-"""Without a terminal, a start that takes long prints a line in this time [s]."""
+"""Time after which a start prints a line, without a terminal [s]."""
 
 
 @contextmanager

@@ -64,7 +64,7 @@ def check_end(option: str, file: Path | None, *ends: str) -> None:
 
 
 def check_outputs(*files: Path | None, is_forced: bool) -> None:
-    """Before a command writes files: ask whether it may replace those that exist; `is_forced`: it may.
+    """Ask whether a command may replace files that exist, before it writes them; `is_forced`: it may.
 
     Raises `AutodriveError` if the answer is no, or if nobody can be asked because there is no terminal.
     """
@@ -74,10 +74,10 @@ def check_outputs(*files: Path | None, is_forced: bool) -> None:
     names = ", ".join(map(str, existing[:MOST_NAMES]))
     if existing[MOST_NAMES:]:
         names += f", and {len(existing) - MOST_NAMES} more"
-    those = "the files exist: replace them" if existing[1:] else "the file exists: replace it"
+    question = "the files exist: replace them" if existing[1:] else "the file exists: replace it"
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise AutodriveError(f"{those} with --force, or choose another name  ({names})")
-    if not typer.confirm(f"{those}?  ({names})", err=True):
+        raise AutodriveError(f"{question} with --force, or choose another name  ({names})")
+    if not typer.confirm(f"{question}?  ({names})", err=True):
         raise AutodriveError(f"nothing was written  ({names})")
 
 

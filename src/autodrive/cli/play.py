@@ -70,7 +70,7 @@ def play(
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
-    given = {
+    is_given = {
         "--laps": laps is not None,
         "--lockstep": lockstep,
         "--noise": noise,
@@ -91,23 +91,23 @@ def play(
             without |= {"--laps", "--noise", "--rival"}
         elif track is not None and Path(track).suffix != ".npz":  # a network of the published task
             without |= {"--laps", "--rival"}
-        _refuse(given, without, f"in the task '{task}'{' without the page' * headless}")
+        _refuse(is_given, without, f"in the task '{task}'{' without the page' * headless}")
         team = _team_of(task, track if is_team else policy, rival, laps=laps or 2, has_noise=noise)
         _drive_team(team, episodes, seed, headless=headless, port=port, is_lockstep=lockstep)
         return
     assert chosen is not None
     if chosen.task != TimeTrial.name:
-        _refuse(given, set(given), f"in the environment of the task '{chosen.task}'")
+        _refuse(is_given, set(is_given), f"in the environment of the task '{chosen.task}'")
         _in_environment(chosen)
     elif track is None:
-        _refuse(given, given.keys() - {"--port"}, "for a devkit script, which a policy without a track is")
+        _refuse(is_given, is_given.keys() - {"--port"}, "for a devkit script, which a policy without a track is")
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
         from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
-        _refuse(given, {"--episodes", "--rival"}, "on a track")
+        _refuse(is_given, {"--episodes", "--rival"}, "on a track")
         options = RaceOptions(
             track,
             devkits=(),
@@ -124,11 +124,11 @@ def play(
         show_race(options, force, lambda stop, display: race(chosen, options, stop=stop, observer=display))
 
 
-def _refuse(given: Mapping[str, bool], names: Set[str], where: str) -> None:
+def _refuse(options: Mapping[str, bool], names: Set[str], where: str) -> None:
     """Raises `SpecError` if one of these options is given: it would mean nothing."""
     from autodrive.base.errors import SpecError
 
-    if errors := [f"{name} has no meaning {where}" for name, is_given in given.items() if is_given and name in names]:
+    if errors := [f"{name} has no meaning {where}" for name, is_given in options.items() if is_given and name in names]:
         raise SpecError(errors)
 
 

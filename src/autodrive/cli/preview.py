@@ -67,7 +67,7 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
 
 
 def framed(box: NDArray[np.float64], azimuth_deg: float, elevation_deg: float) -> Viewpoint:
-    """From a direction that shows a whole box, given by its minimum and maximum corner [m], shape (2, 3)."""
+    """A viewpoint in a direction that shows a whole box, given by its minimum and maximum corner [m], shape (2, 3)."""
     x, y, z = middle = box.mean(axis=0).tolist()
     ahead = orbit((x, y, z), 1.0, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG).view(*SIZE)
     right, down, forward = np.reshape(rotation_from_quaternion(ahead.orientation), (3, 3)).T

@@ -131,7 +131,7 @@ def show_race(options: RaceOptions, is_forced: bool, start: Callable[[StopReques
             raise KeyboardInterrupt
 
     def report() -> int:
-        """Of a race that still closes its connections."""
+        """Print the results of a race that still closes its connections."""
         while begun and not results:
             time.sleep(0.01)
         close_all()

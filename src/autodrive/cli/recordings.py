@@ -50,11 +50,11 @@ def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
     from autodrive.recording.resimulation import resimulate
 
     own: dict[str, dict[str, Any]] = {}
-    for one in sensors:
-        found = OWN_SENSOR.fullmatch(one)
-        if found is None or not Path(found["file"]).is_file():
-            raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{one}'")
-        own.setdefault(found["vehicle"], {})[found["name"]] = load(Path(found["file"]), found["kind"])
+    for option in sensors:
+        match = OWN_SENSOR.fullmatch(option)
+        if match is None or not Path(match["file"]).is_file():
+            raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{option}'")
+        own.setdefault(match["vehicle"], {})[match["name"]] = load(Path(match["file"]), match["kind"])
     with _opened(path) as recording:
         result = resimulate(recording, own)
     if result.made_by:
@@ -144,11 +144,11 @@ def compare(
     if file.suffix.lower() == ".csv":
         if vehicle:
             raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
-        found = compare_log(read(file, is_left_positive=steering == "left"), scenario, type_=type_)
+        comparison = compare_log(read(file, is_left_positive=steering == "left"), scenario, type_=type_)
     else:
         with _opened(file) as recording:
-            found = compare_recording(recording, vehicle, scenario, type_=type_)
-    typer.echo(found.table())
+            comparison = compare_recording(recording, vehicle, scenario, type_=type_)
+    typer.echo(comparison.table())
     if output is not None:
-        found.plot(output)
+        comparison.plot(output)
         typer.echo(f"wrote {output}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from autodrive.world.racing.results import RaceResult
 
 CALLS_PER_LOG_LINE = 50
-"""Without a terminal, the status is printed at every 50th call only: every ten seconds."""
+"""Number of calls after which the status is printed without a terminal: every ten seconds."""
 
 
 class StatusDisplay(RunObserver):

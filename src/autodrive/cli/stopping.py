@@ -36,7 +36,7 @@ def interruptible() -> Iterator[None]:
 
 
 class StopSignals:
-    """From `catch` on, SIGINT, SIGTERM and SIGHUP call `stop` with their name; the second one ends the process at once.
+    """Calls `stop` with the name of a signal (SIGINT, SIGTERM, SIGHUP) from `catch` on; a second one ends the process.
 
     `report` prints what a command that has not ended after `STOP_TIME` owes to its user; it returns the exit code.
     """
@@ -48,15 +48,15 @@ class StopSignals:
         self._is_stopped = self._has_ended = False
 
     def catch(self) -> None:
-        """From now on, a signal ends this command, also one whose `KeyboardInterrupt` was dropped."""
+        """Have a signal end this command from now on, also one whose `KeyboardInterrupt` was dropped."""
         self._default = _handled(self._on_signal, [signal.SIGINT, signal.SIGTERM])
         if _interrupts:
             self._on_signal(_interrupts[-1], None)
 
     def end(self, code: int = 0) -> None:
-        """After a signal, end the process, whose modules would need half a second of a processor to end by themselves.
+        """End the process at once after a signal; without one nothing happens.
 
-        On a busy machine that takes several. Without a signal nothing happens.
+        Its modules would need half a second of a processor to end by themselves, and several seconds on a busy machine.
         """
         if self._is_stopped:
             _end_process(code)

@@ -162,7 +162,7 @@ def _barrier(kind: str, gap: float, length: float) -> BarrierSpec:
 
 def _pair(text: str, separator: str, option: str, form: str) -> tuple[float, float]:
     number = r"\s*([-+]?\d+(?:\.\d*)?)\s*"
-    found = re.fullmatch(f"{number}{separator}{number}", text)
-    if found is None:
+    match = re.fullmatch(f"{number}{separator}{number}", text)
+    if match is None:
         raise typer.BadParameter(f"{option} must be {form}, not '{text}'")
-    return float(found[1]), float(found[2])
+    return float(match[1]), float(match[2])

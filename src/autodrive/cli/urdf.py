@@ -27,7 +27,7 @@ def urdf(
     from autodrive.scenario.vehicles.spec import load_vehicle
 
     described = [description(load_vehicle(name), Path(name).stem) for name in names or names_of("vehicle")]
-    files = {path: content for one in described for path, content in one.items()}
+    files = {path: content for content_of in described for path, content in content_of.items()}
     check_outputs(*(output / path for path in files), is_forced=force)
     for path, content in files.items():
         make_folder((output / path).parent)

@@ -40,7 +40,7 @@ def environment(values: Sequence[str]) -> dict[str, Any]:
     from autodrive.scenario.scenario import ScenarioSpec, WeatherSpec
 
     amounts: dict[str, Any] = {}
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for value in values:
         if found_comma := re.search(r"(\w+=\d*),(\d+)", value):
             decimal = f"{found_comma[1]}.{found_comma[2]}"
@@ -50,8 +50,8 @@ def environment(values: Sequence[str]) -> dict[str, Any]:
         if not is_amount:
             amounts |= checked(name, WeatherSpec).model_dump()
         elif name == "time":
-            found["time_of_day"] = amount
+            settings["time_of_day"] = amount
         else:
             amounts[name] = amount
-    spec = checked({**found, "weather": amounts}, ScenarioSpec)
-    return {name: getattr(spec, name) for name in (*found, *(["weather"] if amounts else []))}
+    spec = checked({**settings, "weather": amounts}, ScenarioSpec)
+    return {name: getattr(spec, name) for name in (*settings, *(["weather"] if amounts else []))}

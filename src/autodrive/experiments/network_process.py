@@ -58,9 +58,9 @@ class NetworkProcess:
         self._close = weakref.finalize(self, _end, self.process)
         self.ports: Ports = self._answer((network, TIME_LIMIT, MEMORY_LIMIT))
 
-    def run(self, output: str, given: Mapping[str, Any]) -> Any:
+    def run(self, output: str, inputs: Mapping[str, Any]) -> Any:
         """The values of an output. Raises `NetworkError`."""
-        return self._answer((output, given))
+        return self._answer((output, inputs))
 
     def _answer(self, request: Any) -> Any:
         stdin, stdout = self.process.stdin, self.process.stdout
@@ -122,11 +122,13 @@ def main() -> None:
         onnxruntime.set_seed(0)  # networks that sample their actions
         session = onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
         inputs, outputs = session.get_inputs(), session.get_outputs()
-        return Ports(*([Tensor(one.name, one.type, list(one.shape)) for one in ports] for ports in (inputs, outputs)))
+        return Ports(
+            *([Tensor(tensor.name, tensor.type, list(tensor.shape)) for tensor in ports] for ports in (inputs, outputs))
+        )
 
-    def run(output: str, given: Mapping[str, Any]) -> Any:
-        (values,) = session.run([output], given)
-        cars = max((len(one) for one in given.values()), default=1)
+    def run(output: str, inputs: Mapping[str, Any]) -> Any:
+        (values,) = session.run([output], inputs)
+        cars = max((len(array) for array in inputs.values()), default=1)
         if values.size > MOST_NUMBERS * cars:
             raise ValueError(f"output '{output[:100]}' has {values.size} numbers for {cars} cars")
         return values
@@ -136,12 +138,12 @@ def main() -> None:
         _limit_memory(memory)
         answer(load)
         while True:
-            output, given = pickle.load(sys.stdin.buffer)
-            answer(lambda output=output, given=given: run(output, given))
+            output, arrays = pickle.load(sys.stdin.buffer)
+            answer(lambda output=output, inputs=arrays: run(output, inputs))
 
 
 def _limit_memory(size: int) -> None:
-    """So many bytes more than this process has now."""
+    """Limit the memory to `size` bytes more than this process has now."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
         limit = pages * resource.getpagesize() + size

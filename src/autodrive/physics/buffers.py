@@ -15,9 +15,9 @@ WHEEL_CONTACT = columns(
     shape=np.int64,  # index of the shape under the wheel, or -1 for the floor
     load=np.float64,  # [N]
     longitudinal_velocity=np.float64,  # of the wheel over the ground [m/s]
-    lateral_velocity=np.float64,  # likewise
+    lateral_velocity=np.float64,  # of the wheel over the ground [m/s]
     longitudinal_axis=(np.float64, 3),  # in the contact plane, map axes
-    lateral_axis=(np.float64, 3),  # likewise
+    lateral_axis=(np.float64, 3),  # in the contact plane, map axes
     normal=(np.float64, 3),  # of the ground, map axes
     lever_arm=(np.float64, 3),  # from the vehicle frame's origin to the point where the force acts, map axes [m]
     point=(np.float64, 3),  # of the contact in the map [m]
@@ -37,7 +37,7 @@ class VehicleContacts(NamedTuple):
     solid_vehicle: Integers
     """Vehicle of each solid, or -1, shape (n_solid,)."""
     impulse: Floats
-    """Between a vehicle and a solid [N s], shape (n, n_solid)."""
+    """Impulse between a vehicle and a solid [N s], shape (n, n_solid)."""
     position: Floats
     """A point of that contact [m], shape (n, n_solid, 3)."""
     push: Floats
@@ -76,7 +76,7 @@ class Scratch(NamedTuple):
     contact_position: Floats
     """Position of that contact [m], shape (3,)."""
     contact_frame: Floats
-    """Its axes in the map, the normal first, from the first to the second geom, shape (9,)."""
+    """Axes of the contact in the map, the normal first, from the first to the second geom, shape (9,)."""
     contact_geoms: NDArray[np.int32]
     """The two geoms of that contact, shape (2,)."""
 

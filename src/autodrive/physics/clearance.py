@@ -26,7 +26,7 @@ MARGIN = 1.0e-4
 """A clearance below this [m] counts as contact."""
 
 CLOSE = 0.05
-"""If the sphere around a vehicle is nearer to something than this [m], its small spheres decide."""
+"""The small spheres of a vehicle decide if the sphere around it is nearer to something than this [m]."""
 
 
 @inlined
@@ -39,9 +39,9 @@ def find_nearby(i: int, model: Model, state: State, scratch: Scratch, duration: 
     scratch.horizon[i] = HORIZON + 2.0 * duration * sqrt(vx * vx + vy * vy + vz * vz)
     reach = v["reach"] + scratch.horizon[i]
     nearby = scratch.nearby[i]
-    found = shapes_near(model.shapes, x, y, reach, nearby)
+    candidates = shapes_near(model.shapes, x, y, reach, nearby)
     count = 0
-    for k in range(found):
+    for k in range(candidates):
         s = nearby[k]
         if model.shapes.vehicle[s] == i:
             continue
@@ -134,7 +134,7 @@ def _centre(v: Any, q: Floats) -> Vector:
 
 @inlined
 def _centre_of_part(v: Any, k: int, q: Floats) -> Vector:
-    """Likewise of small sphere k."""
+    """Centre of small sphere k of a vehicle in the map; `q` is `State.qpos`."""
     at, c = v["qpos"], v["cover"]
     x, y, z = rotated(rotation_at(q, at + 3), c[k, 0], c[k, 1], c[k, 2])
     return float(q[at]) + x, float(q[at + 1]) + y, float(q[at + 2]) + z

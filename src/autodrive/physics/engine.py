@@ -26,7 +26,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import EngineError
 from autodrive.base.installation import mujoco_error, mujoco_fix
 from autodrive.base.jit import inlined, resolved
-from autodrive.physics.model import BOX, Model, Shapes
+from autodrive.physics.model import BOX, Model, ShapeTable
 from autodrive.physics.near import Slots, fill, forget, hold_near, slot_count
 from autodrive.physics.state import State
 
@@ -40,7 +40,7 @@ _log.logto_console = _log.logto_file = False  # `has_diverged` finds its warning
 _log.set()
 
 VERSION: str = mujoco.mj_versionString()
-"""Of MuJoCo, for example "4.0.1"."""
+"""Version of MuJoCo, for example "4.0.1"."""
 
 
 def _mujoco_library() -> ctypes.CDLL:
@@ -91,18 +91,18 @@ class Views(NamedTuple):
     data: int
     """Address of mjData."""
     mass: Floats
-    """Of each of the engine's bodies [kg]."""
+    """Mass of each of the engine's bodies [kg], shape (n_body,)."""
     inertia: Floats
     """About the principal axes of each of these bodies [kg m^2], shape (n, 3)."""
     qpos: Floats
-    """As `State.qpos`; likewise the next three."""
+    """Poses of the bodies, as `State.qpos`; `qvel`, `warmstart` and `asleep` are as in the State, too."""
     qvel: Floats
     warmstart: Floats
     asleep: NDArray[np.int32]
     applied: Floats
-    """As `Scratch.applied`."""
+    """Forces and torques on the bodies, as `Scratch.applied`."""
     acceleration: Floats
-    """Shape (6 n_body,); likewise the next one."""
+    """Accelerations of the bodies, as is `smooth_acceleration`, which is without constraints, shape (6 n_body,)."""
     smooth_acceleration: Floats
     contact_count: NDArray[np.int32]
     """Current number of contacts, shape (1,)."""
@@ -111,7 +111,7 @@ class Views(NamedTuple):
     warnings: NDArray[np.int32]
     """Number of diverged states, for each kind of warning."""
     slots: Slots
-    """Of the fixed shapes near the bodies."""
+    """Slots of the fixed shapes near the bodies."""
     contact_layout: Integers
     """Offsets in bytes: from one contact to the next, and within a contact to its position, geoms and axes."""
 
@@ -128,9 +128,9 @@ class Geom(NamedTuple):
     kind: int
     size: Floats
     position: Floats
-    """In the frame of its body."""
+    """Centre in the frame of the body [m]."""
     orientation: Floats
-    """Quaternion wxyz, likewise."""
+    """Quaternion wxyz, body from collider."""
     bounding_radius: float
     is_stopped_by_floor: bool
     body: int
@@ -200,7 +200,7 @@ def has_diverged(views: Views) -> bool:
 class Engine:
     """Rigid bodies and contacts. Movable bodies are free bodies: 7 numbers in qpos and 6 in qvel each."""
 
-    def __init__(self, mjcf: str, fixed: Shapes) -> None:
+    def __init__(self, mjcf: str, fixed: ShapeTable) -> None:
         """`mjcf`: the floor and the movable bodies; `fixed`: all other shapes.
 
         Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place.
@@ -215,7 +215,8 @@ class Engine:
         columns = fixed.kind, fixed.size, fixed.position, fixed.rotation
         shapes = b"".join(column.tobytes() for column in columns)
         self.identity = hashlib.sha256(f"{VERSION} {mjcf}".encode() + shapes).hexdigest()
-        """The same for engines whose saved data fit each other."""
+        """Identity of the model of this engine: engines with the same one can load the data that the other has
+        saved."""
 
     def copy(self) -> Engine:
         """Another engine for the same bodies, at the start; two threads can use the two at once."""
@@ -224,7 +225,7 @@ class Engine:
         other._start(self._fixed)
         return other
 
-    def _start(self, fixed: Shapes) -> None:
+    def _start(self, fixed: ShapeTable) -> None:
         self._fixed = fixed
         self.data = mujoco.MjData(self.model)
         self._slots = _empty_slots(self.model, self.data, len(fixed.kind))
@@ -245,11 +246,11 @@ class Engine:
 
     def geoms(self) -> list[Geom]:
         """The colliders of all movable bodies."""
-        found = []
+        geoms = []
         for i in range(1 + len(self._slots.shape), self.model.ngeom):
             body = int(self.model.geom_bodyid[i])
             joint = int(self.model.body_jntadr[body])
-            found.append(
+            geoms.append(
                 Geom(
                     number=i,
                     name=self.model.geom(i).name,
@@ -264,7 +265,7 @@ class Engine:
                     dof=int(self.model.jnt_dofadr[joint]),
                 )
             )
-        return found
+        return geoms
 
     def overlapping(self, qpos: Floats | None = None, depth: float = 0.001) -> list[tuple[int, int]]:
         """Pairs of solids that overlap by more than `depth` [m]: now, or if the bodies were placed at `qpos`.
@@ -273,7 +274,7 @@ class Engine:
         """
         if qpos is not None:
             self.data.tree_asleep[:] = AWAKE
-            _library.mj_updateSleep(*(ctypes.c_void_p(one._address) for one in (self.model, self.data)))
+            _library.mj_updateSleep(*(ctypes.c_void_p(owner._address) for owner in (self.model, self.data)))
             self.data.qpos[:] = qpos
             self._forward()
         if self.data.ncon == 0:
@@ -320,7 +321,7 @@ class Engine:
         self.data.warning.number[_BAD] = 0
 
 
-def with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
+def with_slots(spec: mujoco.MjSpec, fixed: ShapeTable) -> mujoco.MjModel:
     """The model, with as many slots after the floor as its bodies need."""
     for _ in range(slot_count(fixed, _reach(spec.compile()))):
         slot = spec.worldbody.add_geom(spec.find_default("static"), type=BOX, size=[1.0, 1.0, 1.0])
@@ -329,7 +330,7 @@ def with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
 
 
 def _reach(model: mujoco.MjModel) -> Floats:
-    """As `Slots.reach`."""
+    """Distance of the farthest point of each body from its origin [m], as `Slots.reach`."""
     reach = np.zeros(model.nbody)
     np.maximum.at(reach, model.geom_bodyid, np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound)
     return reach[1:]
@@ -344,7 +345,7 @@ def _empty_slots(model: mujoco.MjModel, data: mujoco.MjData, n_fixed: int) -> Sl
         solid=solid,
         reach=_reach(model),
         filled_at=np.zeros((model.nbody - 1, 3)),
-        found=np.zeros(n_fixed, np.int64),
+        nearby=np.zeros(n_fixed, np.int64),
         kind=model.geom_type,
         size=model.geom_size,
         bounding_radius=model.geom_rbound,
@@ -391,8 +392,8 @@ def _data_layout() -> _Layout:
         data.qpos[2::7] = [0.09 if i < touching else 1.0 for i in range(7)]
         mujoco.mj_forward(model, data)
         numbers = np.frombuffer(ctypes.string_at(data._address, numbers_end), np.int32)
-        found = set((4 * np.flatnonzero(numbers == data.ncon)).tolist())
-        counts = found & counts if counts else found
+        offsets = set((4 * np.flatnonzero(numbers == data.ncon)).tolist())
+        counts = offsets & counts if counts else offsets
     contact = data.contact
     start = contact.dist.ctypes.data
     pointers = []

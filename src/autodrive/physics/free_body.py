@@ -31,7 +31,7 @@ def rotated(rotation: Rotation, x: float, y: float, z: float) -> Vector:
 
 @inlined
 def angular_velocity(state: State, rotation: Rotation, dof: int) -> Vector:
-    """Of a body with that rotation [rad/s]."""
+    """Angular velocity of a body with that rotation, in the axes of the map [rad/s]."""
     return rotated(rotation, float(state.qvel[dof + 3]), float(state.qvel[dof + 4]), float(state.qvel[dof + 5]))
 
 
@@ -87,6 +87,7 @@ def step_free_body(
     qpos, dof = v["qpos"], v["dof"]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     c, inertia = v["center_of_mass"], v["inertia"]
+    # angular velocity w and applied force b in body axes, f in map axes
     wx, wy, wz = velocity[dof + 3], velocity[dof + 4], velocity[dof + 5]
     fx, fy, fz = applied[dof], applied[dof + 1], applied[dof + 2]
     bx, by, bz = r00 * fx + r10 * fy + r20 * fz, r01 * fx + r11 * fy + r21 * fz, r02 * fx + r12 * fy + r22 * fz
@@ -100,6 +101,7 @@ def step_free_body(
     px = -(ay * c[2] - az * c[1]) - (wy * uz - wz * uy)
     py = -(az * c[0] - ax * c[2]) - (wz * ux - wx * uz)
     pz = -(ax * c[1] - ay * c[0]) - (wx * uy - wy * ux)
+    # acceleration of the origin, map axes
     mass = v["mass"]
     gx = fx / mass + r00 * px + r01 * py + r02 * pz
     gy = fy / mass + r10 * px + r11 * py + r12 * pz
@@ -113,6 +115,7 @@ def step_free_body(
     velocity[dof + 3], velocity[dof + 4], velocity[dof + 5] = wx, wy, wz
     for axis in range(3):
         q[qpos + axis] += dt * velocity[dof + axis]
+    # the turn of this substep as a quaternion w, x, y, z in body axes, which is multiplied from the right
     speed = sqrt(wx * wx + wy * wy + wz * wz)
     half = 0.5 * dt * speed
     k = sin(half) / speed if speed > 1e-12 else 0.5 * dt

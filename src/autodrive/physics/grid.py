@@ -6,7 +6,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined
-from autodrive.physics.model import BOX, CYLINDER, Grid, Shapes
+from autodrive.physics.model import BOX, CYLINDER, Grid, ShapeTable
 
 CELL_MIN = 1.0
 """Least side of a cell [m]; otherwise there are about as many cells as shapes."""
@@ -23,7 +23,7 @@ ROUNDING = 1e-6
 
 
 def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats) -> Grid:
-    """The grid of these shapes, which are all fixed; arguments as in `Shapes`, shape (n_fixed, ...)."""
+    """The grid of these shapes, which are all fixed; arguments as in `ShapeTable`, shape (n_fixed, ...)."""
     low, high = _rectangles(kind, size, position, rotation)
     origin = low.min(axis=0) if len(kind) else np.zeros(2)
     extent = high.max(axis=0) - origin if len(kind) else np.zeros(2)
@@ -46,15 +46,15 @@ def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats)
         cells_per_metre=1.0 / cell,
         rows=rows,
         columns=columns,
-        starts=np.cumsum([0, *(len(one) for one in cells)], dtype=np.int64),
-        members=np.array([s for one in cells for s in one], dtype=np.int64),
+        starts=np.cumsum([0, *(len(members) for members in cells)], dtype=np.int64),
+        members=np.array([s for members in cells for s in members], dtype=np.int64),
         first_row=np.ascontiguousarray(first[:, 1]),
         first_column=np.ascontiguousarray(first[:, 0]),
     )
 
 
-def most_within(fixed: Shapes, distance: float) -> int:
-    """At least as many as all shapes, which are all fixed, that are within `distance` [m] of the same point."""
+def most_within(fixed: ShapeTable, distance: float) -> int:
+    """An upper limit of the number of shapes, all fixed, that are within `distance` [m] of the same point."""
     if len(fixed.kind) == 0:
         return 0
     low, high = _rectangles(fixed.kind, fixed.size, fixed.position, fixed.rotation)
@@ -73,22 +73,25 @@ def most_within(fixed: Shapes, distance: float) -> int:
 
 
 @inlined
-def shapes_near(shapes: Shapes, x: float, y: float, distance: float, found: Integers) -> int:
+def shapes_near(shapes: ShapeTable, x: float, y: float, distance: float, nearby: Integers) -> int:
     """Writes the numbers of all shapes that may be within `distance` [m] of a point, and returns how many they are.
 
     Seen from above; these are more than the shapes within a square of that half side, and all shapes that move. Each is
-    found once. `found` has room for all shapes.
+    written once. `nearby` has room for all shapes.
     """
     count = 0
     for s in range(shapes.n_fixed, shapes.kind.shape[0]):
-        found[count] = s
+        nearby[count] = s
         count += 1
-    return fixed_near(shapes.grid, x, y, distance, found, count)
+    return fixed_near(shapes.grid, x, y, distance, nearby, count)
 
 
 @inlined
-def fixed_near(grid: Grid, x: float, y: float, distance: float, found: Integers, count: int) -> int:
-    """Likewise of the fixed shapes only, after the first `count` numbers in `found`."""
+def fixed_near(grid: Grid, x: float, y: float, distance: float, nearby: Integers, count: int) -> int:
+    """Writes the fixed shapes that may be within `distance` [m] of a point; returns how many numbers there are then.
+
+    The new numbers come after the first `count` ones in `nearby`; see `shapes_near`.
+    """
     low_row = _cell(y - distance - grid.y, grid.cells_per_metre, grid.rows)
     high_row = _cell(y + distance - grid.y, grid.cells_per_metre, grid.rows)
     low_column = _cell(x - distance - grid.x, grid.cells_per_metre, grid.columns)
@@ -100,7 +103,7 @@ def fixed_near(grid: Grid, x: float, y: float, distance: float, found: Integers,
                 s = grid.members[k]
                 # a shape in several cells counts in the first of them
                 if row == max(low_row, grid.first_row[s]) and column == max(low_column, grid.first_column[s]):
-                    found[count] = s
+                    nearby[count] = s
                     count += 1
     return count
 

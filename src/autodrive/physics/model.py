@@ -61,8 +61,8 @@ VEHICLE = columns(
     torque_curve_share=(np.float64, CURVE_POINTS),  # of the torque limit
     has_differentials=np.bool_,  # any that is not open
     front_differential=(np.float64, 2),  # largest torque between its outputs: constant [N m], per drive torque
-    centre_differential=(np.float64, 2),  # likewise, between the axles
-    rear_differential=(np.float64, 2),  # likewise
+    centre_differential=(np.float64, 2),  # of the one between the axles: constant [N m], per drive torque
+    rear_differential=(np.float64, 2),  # as front_differential
     drive_servo_gain=np.float64,  # [N m s/rad]
     drive_response=np.float64,  # 1 - exp(-dt / time constant)
     drive_delay=np.int64,  # [substeps]
@@ -88,10 +88,10 @@ WHEEL = columns(
     bump_stiffness=np.float64,  # [N/m]
     look_ahead=np.float64,  # of the suspension [s]
     forward=(np.float64, 5),  # friction curve: extremum slip and value, asymptote slip and value, initial slope
-    sideways=(np.float64, 5),  # likewise
+    sideways=(np.float64, 5),  # friction curve, as forward
     is_magic=np.bool_,  # the tyre force follows the magic formula; of the friction curves only the peak value is used
     magic_forward=(np.float64, 5),  # peak friction, stiffness per load, shape C, curvature E, load sensitivity
-    magic_sideways=(np.float64, 5),  # likewise
+    magic_sideways=(np.float64, 5),  # as magic_forward
     nominal_load=np.float64,  # [N]
     stiffness_degression=np.float64,  # of the cornering stiffness, see `wheel.cornering_stiffness`
     peak_slip=(np.float64, 2),  # forward, sideways: where the force has its peak
@@ -128,10 +128,10 @@ class Grid(NamedTuple):
     first_row: Integers
     """First row of each fixed shape, shape (n_fixed,)."""
     first_column: Integers
-    """Likewise."""
+    """First column of each fixed shape, shape (n_fixed,)."""
 
 
-class Shapes(NamedTuple):
+class ShapeTable(NamedTuple):
     """Constant parameters of the collision shapes; their poses are `State.shape_position` and `.shape_rotation`.
 
     The floor (z = 0) is not one of them. The fixed shapes come first.
@@ -146,7 +146,7 @@ class Shapes(NamedTuple):
     position: Floats
     """Centre [m] in the frame of the shape's body, or in the map if it is fixed, shape (n_shape, 3)."""
     rotation: Floats
-    """Rotation matrix likewise, row-major, shape (n_shape, 9)."""
+    """Rotation matrix in the frame of `position`, row-major, shape (n_shape, 9)."""
     vehicle: Integers
     """Index of the vehicle that the shape is part of, or -1, shape (n_shape,)."""
     dof: Integers
@@ -156,7 +156,7 @@ class Shapes(NamedTuple):
     n_fixed: int
     """Number of fixed shapes."""
     grid: Grid
-    """Of the fixed shapes."""
+    """Grid of the fixed shapes."""
 
 
 class Model(NamedTuple):
@@ -170,7 +170,7 @@ class Model(NamedTuple):
     """Columns `VEHICLE`, shape (n,)."""
     wheels: Table
     """Columns `WHEEL`, shape (4 n,)."""
-    shapes: Shapes
+    shapes: ShapeTable
 
 
 def model_digest(model: Model) -> str:

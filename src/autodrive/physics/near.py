@@ -17,7 +17,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.clearance import distance
 from autodrive.physics.grid import fixed_near, most_within
-from autodrive.physics.model import CYLINDER, Shapes
+from autodrive.physics.model import CYLINDER, ShapeTable
 
 SLACK = 0.1
 """A body can move so far [m] until the slots are filled again."""
@@ -34,15 +34,15 @@ class Slots(NamedTuple):
     shape: Integers
     """Numbers of the fixed shapes in the first slots, ascending, shape (n_slot,)."""
     solid: Integers
-    """Of each geom of the engine: 0 for the floor, otherwise 1 + the number of its shape, shape (n_geom,)."""
+    """Solid of each geom of the engine: 0 for the floor, otherwise 1 + the number of its shape, shape (n_geom,)."""
     reach: Floats
     """Distance of the farthest point of each body from its origin [m], shape (n_body,)."""
     filled_at: Floats
     """Where the bodies were when the slots were filled [m], shape (n_body, 3)."""
-    found: Integers
-    """Working memory, shape (n_fixed,)."""
+    nearby: Integers
+    """Working memory of `fill`, shape (n_fixed,)."""
     kind: Numbers32
-    """Of each geom, as in `Shapes`; likewise the next two."""
+    """Kind of each geom, as in `ShapeTable`, as are size and bounding radius; shape (n_geom,)."""
     size: Floats
     bounding_radius: Floats
     box: Floats
@@ -63,15 +63,18 @@ EVERYWHERE = 1.0e10
 """Half size [m] of a box without limits (mjMAXVAL)."""
 
 
-def slot_count(fixed: Shapes, reach: Floats) -> int:
+def slot_count(fixed: ShapeTable, reach: Floats) -> int:
     """How many slots bodies with that `reach` (see `Slots`) can need among these fixed shapes."""
     reaches, counts = np.unique(reach, return_counts=True)
-    most = [count * most_within(fixed, one + SLACK) for one, count in zip(reaches.tolist(), counts, strict=True)]
+    most = [
+        count * most_within(fixed, reach_of_body + SLACK)
+        for reach_of_body, count in zip(reaches.tolist(), counts, strict=True)
+    ]
     return min(int(sum(most)), len(fixed.kind))
 
 
 @inlined
-def hold_near(shapes: Shapes, qpos: Floats, slots: Slots) -> bool:
+def hold_near(shapes: ShapeTable, qpos: Floats, slots: Slots) -> bool:
     """Fills the slots if a body is so far from where it was that it may touch another shape; whether it was.
 
     `qpos`: as `State.qpos`.
@@ -96,15 +99,15 @@ def forget(slots: Slots) -> None:
 
 
 @jit_uncounted
-def fill(shapes: Shapes, qpos: Floats, slots: Slots) -> None:
+def fill(shapes: ShapeTable, qpos: Floats, slots: Slots) -> None:
     """Puts the fixed shapes near the bodies at `qpos` into the slots, and the used slots into the tree."""
     count = 0
     for b in range(slots.reach.shape[0]):
         x, y, z = float(qpos[7 * b]), float(qpos[7 * b + 1]), float(qpos[7 * b + 2])
         slots.filled_at[b, 0], slots.filled_at[b, 1], slots.filled_at[b, 2] = x, y, z
         far = slots.reach[b] + SLACK
-        for k in range(fixed_near(shapes.grid, x, y, far, slots.found, 0)):
-            s = slots.found[k]
+        for k in range(fixed_near(shapes.grid, x, y, far, slots.nearby, 0)):
+            s = slots.nearby[k]
             if distance(int(shapes.kind[s]), shapes.size[s], shapes.position[s], shapes.rotation[s], x, y, z) <= far:
                 count = _insert(s, slots.shape, count)
     for k in range(count):
@@ -127,7 +130,7 @@ def _insert(s: int, numbers: Integers, count: int) -> int:
 
 
 @inlined
-def _set(geom: int, s: int, shapes: Shapes, slots: Slots) -> None:
+def _set(geom: int, s: int, shapes: ShapeTable, slots: Slots) -> None:
     """Lets a slot be shape s."""
     slots.solid[geom] = 1 + s
     slots.kind[geom] = shapes.kind[s]

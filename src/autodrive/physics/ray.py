@@ -139,7 +139,7 @@ def _sphere(radius: float, o: Vector, r: Vector) -> tuple[float, float, int]:
 
 @inlined
 def _roots(a: float, b: float, c: float, discriminant: float) -> tuple[float, float]:
-    """Both solutions of a t^2 + 2 b t + c = 0 in ascending order, without cancellation; a > 0."""
+    """The two solutions of a t^2 + 2 b t + c = 0 in ascending order, without cancellation; a > 0."""
     if discriminant < 0.0:
         return inf, -inf
     root = sqrt(discriminant)

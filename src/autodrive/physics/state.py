@@ -40,9 +40,9 @@ class State(NamedTuple):
     vehicle_velocity: Floats
     """Velocity of the vehicle frame's origin in vehicle axes [m/s], shape (n, 3)."""
     vehicle_angular_velocity: Floats
-    """In vehicle axes [rad/s], shape (n, 3)."""
+    """Angular velocity of each vehicle in its own axes [rad/s], shape (n, 3)."""
     vehicle_acceleration: Floats
-    """Of the origin, mean over the tick, without gravity, vehicle axes [m/s^2], shape (n, 3)."""
+    """Acceleration of the origin in vehicle axes, mean over the tick, without gravity [m/s^2], shape (n, 3)."""
     vehicle_angular_acceleration: Floats
     """Mean over the tick, vehicle axes [rad/s^2], shape (n, 3)."""
     # actuators
@@ -122,14 +122,14 @@ def copied(state: State) -> State:
 
 
 def numbers(state: State) -> Floats:
-    """All numbers of such a State, column after column: the memory of its columns, shape (n_number,)."""
+    """All numbers of a State of `empty_state`, column after column: the memory of its columns, shape (n_number,)."""
     flat = state.qpos.base
     assert flat is not None
     return flat
 
 
 def places(state: State) -> State:
-    """In place of each number of such a State, its index in `numbers`."""
+    """A State that has, in place of each number of a State of `empty_state`, its index in `numbers`."""
     return _columns(np.arange(len(numbers(state))), [column.shape for column in state])
 
 

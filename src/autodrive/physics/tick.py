@@ -69,6 +69,7 @@ def advance(
     needs_engine = always_engine or _is_any_awake(state.asleep, n)
     is_loaded = False
     for k in range(first, first + substeps):
+        # Commands become steering angles and torques, and the wheels turn contact and slip into forces on the bodies.
         scratch.applied[:] = 0.0
         for i in range(n):
             v = model.vehicles[i]
@@ -83,6 +84,7 @@ def advance(
                 scratch.velocity[i, axis] = state.qvel[v["dof"] + axis]
         if not _is_sound(state.qpos, state.qvel, scratch.applied):
             return False
+        # The engine moves the bodies from the first substep on in which something may touch; before, vehicles are free.
         needs_engine = needs_engine or can_any_touch(model, state, scratch)
         if needs_engine:
             if not is_loaded:
@@ -97,6 +99,7 @@ def advance(
                     v, rotation, model.gravity, model.dt, scratch.applied, state.qpos, state.qvel, state.qacc
                 )
                 _limit_angular_velocity(v, state.qpos, state.qvel)
+        # The distance within which a vehicle is known to be free shrinks by its way; its acceleration is a mean.
         for i in range(n):
             v = model.vehicles[i]
             way = path(v, state.qvel, model.dt)
@@ -106,6 +109,7 @@ def advance(
             state.vehicle_acceleration[i, 0] += x
             state.vehicle_acceleration[i, 1] += y
             state.vehicle_acceleration[i, 2] += z
+    # What the engine computed last starts its next computation, also in an engine of another world.
     if needs_engine:
         for k in range(state.qacc.shape[0]):
             state.qacc[k] = views.warmstart[k]

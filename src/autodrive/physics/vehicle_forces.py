@@ -60,6 +60,8 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
     dt = model.dt
     turn = angular_velocity(state, rotation, v["dof"])
     is_braking = state.throttle[i] == 0.0
+    # 1. The contact of each wheel, and the spin that it would have without drive and brake. Its tyre force is taken as
+    # linear in the spin, so that the spin is the solution of an implicit step; `gain` is the spin per torque.
     driven, sum_coasting, sum_gain = 0, 0.0, 0.0
     for w in range(4):
         wheel = model.wheels[4 * i + w]
@@ -85,12 +87,14 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
             driven += 1
             sum_coasting += coasting
             sum_gain += gain
+    # 2. The torque of the motor, which the differentials share out; without them all driven wheels get the same.
     torque = 0.0
     if v["has_differentials"]:
         _turn_shafts(i, is_braking, model, state, scratch)
     elif not is_braking:
         torque = _motor_torque(v, state.drive_level[i], sum_coasting / driven, sum_gain / driven)
     _apply_drag(v, rotation, turn, state, scratch.applied)
+    # 3. The new spin of each wheel, with drive, brake and rolling resistance, and the force at that spin.
     for w in range(4):
         wheel = model.wheels[4 * i + w]
         row = 4 * i + w
@@ -176,17 +180,17 @@ def _turn_shafts(i: int, is_braking: bool, model: Model, state: State, scratch: 
 @inlined
 def _turn_axle(scratch: Scratch, first: int, torque: float, constant: float, bias: float) -> None:
     """Adds the torque of a driven axle [N m per wheel] to the spins of its wheels `first` and `first` + 1."""
-    one, other = scratch.wheel_contacts[first], scratch.wheel_contacts[first + 1]
+    left, right = scratch.wheel_contacts[first], scratch.wheel_contacts[first + 1]
     between = transferred_torque(
-        one["coasting_spin"],
-        one["spin_gain"],
-        other["coasting_spin"],
-        other["spin_gain"],
+        left["coasting_spin"],
+        left["spin_gain"],
+        right["coasting_spin"],
+        right["spin_gain"],
         torque,
         constant + bias * abs(torque),
     )
-    one["coasting_spin"] += one["spin_gain"] * (torque - between)
-    other["coasting_spin"] += other["spin_gain"] * (torque + between)
+    left["coasting_spin"] += left["spin_gain"] * (torque - between)
+    right["coasting_spin"] += right["spin_gain"] * (torque + between)
 
 
 @inlined
@@ -266,6 +270,7 @@ def _apply_wheel_force(
         state.wheel_lagged_slip[row, 0] = state.wheel_lagged_slip[row, 1] = 0.0
         state.wheel_hold[row, 0] = state.wheel_hold[row, 1] = 0.0
         return
+    # The force in the contact plane: a braked wheel that stands holds like a spring; otherwise the tyre slips.
     slow = wheel["hold_speed"]
     if is_braking and spin == 0.0 and v_long * v_long + v_lat * v_lat < slow * slow:
         fx, fy = _holding_force(row, wheel, state, v_long, v_lat, load, model.dt)
@@ -281,6 +286,7 @@ def _apply_wheel_force(
         fx, fy = _tyre_force(wheel, ratio, contact["slip_angle"], load)
         fx = relaxed(state.wheel_force[row, 0], fx, slip_speed, wheel["effective_mass"], model.dt)
         fy = relaxed(state.wheel_force[row, 1], fy, v_lat, wheel["effective_mass"], model.dt)
+    # This force and the load, in map axes, act on the vehicle, and the opposite ones on a body below.
     state.wheel_force[row, 0], state.wheel_force[row, 1] = fx, fy
     longitudinal, lateral, normal = contact["longitudinal_axis"], contact["lateral_axis"], contact["normal"]
     x = fx * longitudinal[0] + fy * lateral[0] + load * normal[0]

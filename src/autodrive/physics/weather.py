@@ -22,13 +22,13 @@ FOG_SIGHT = 5.0
 RAIN_RATE = 50.0
 """Rate of the heaviest rain [mm/h]: 'violent' (UK Met Office); it is proportional to the square of the amount."""
 SNOW_RATE = 10.0
-"""Likewise of snow, as water [mm/h]."""
+"""Rate of the heaviest snow, as water [mm/h]; it is proportional to the square of the amount."""
 LN_20 = 2.995732273553991
 """Sight is the distance at which a contrast falls to 5 %: ln(20) / extinction (meteorological optical range, WMO)."""
 PER_DECIBEL = 2.302585092994046e-4
 """Extinction [1/m] of one decibel per kilometre."""
 WAVELENGTH = 905.0
-"""Of the LIDARs [nm]. Drops are much larger: extinction of visible light and of the LIDARs is the same."""
+"""Wavelength of the LIDARs [nm]. Drops are much larger: extinction of visible light and of the LIDARs is the same."""
 
 
 def extinction(weather: Weather) -> float:
@@ -60,7 +60,7 @@ SOAKED = 0.5
 WETTING, DRYING = 20.0, 300.0
 """Time constants of the wetness of the ground [s]; our choice, for runs of minutes."""
 COVERING, MELTING = 60.0, 300.0
-"""Time constants of its snow cover [s], likewise."""
+"""Time constants of the snow cover of the ground [s]; our choice, for runs of minutes."""
 SETTLED = 1e-3
 """A difference of wetness or snow cover from its steady value that is no longer followed."""
 
@@ -69,16 +69,16 @@ class ChangingWeather(NamedTuple):
     """The weather as a function of simulated time: wetness and snow cover approach what rain and snow maintain."""
 
     weather: Weather = Weather()
-    """As it was set."""
+    """The weather as it was set."""
     wetness: float = 0.0
-    """At the simulated time `since`."""
+    """Wetness at the simulated time `since`, 0 to 1; the snow cover belongs to that time, too."""
     snow_cover: float = 0.0
     since: float = 0.0
     """[s]."""
 
     @classmethod
     def settled(cls, weather: Weather) -> ChangingWeather:
-        """After it has been like that for long."""
+        """The weather, with the wetness and snow cover that it has after a long time."""
         return cls(weather, *_steady(weather))
 
     def following(self, weather: Weather, time: float) -> ChangingWeather:
@@ -135,7 +135,8 @@ class Surface(NamedTuple):
 
 
 SNOW_RESISTANCE = 0.037
-"""Of an unpaved road, 0.05, less that of concrete, 0.013 (Wong, Theory of Ground Vehicles, table 1.2): our choice."""
+"""Rolling resistance that snow adds: that of an unpaved road, 0.05, less that of concrete, 0.013 (Wong, Theory of
+Ground Vehicles, table 1.2): our choice."""
 
 SURFACES = {
     "asphalt": Surface(0.60 / 0.85, 0.20 / 0.85, SNOW_RESISTANCE),
@@ -143,7 +144,8 @@ SURFACES = {
     "gravel": Surface(1.0, 0.20 / 0.60, SNOW_RESISTANCE),
     "earth": Surface(0.55 / 0.68, 0.20 / 0.68, SNOW_RESISTANCE),
 }
-"""By the name in `GroundSpec`: peak values of Wong, table 1.3 (after Taborek). It has no value of wet gravel."""
+"""Factors of each surface by its name in `GroundSpec`: peak values of Wong, table 1.3 (after Taborek), who has no value
+of wet gravel."""
 
 
 class Road(NamedTuple):
@@ -175,7 +177,8 @@ REFLECTIVITY = {
     "plate": 0.8,
     "housing": 0.1,
 }
-"""Of what a LIDAR hits, dry, at 905 nm: our choice, for asphalt, black plastic, cardboard, plaster and paint."""
+"""Reflectivity of what a LIDAR hits, dry, at 905 nm: our choice, for asphalt, black plastic, cardboard, plaster and
+paint."""
 TARGETS = {name: number for number, name in enumerate(REFLECTIVITY)}
 """Number of each."""
 

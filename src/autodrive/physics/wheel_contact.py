@@ -38,33 +38,39 @@ def find_contact(
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     ox, oy, oz = state.qpos[qpos], state.qpos[qpos + 1], state.qpos[qpos + 2]
     hub = wheel["hub"]
-    # hub, relative to the origin of the vehicle frame, map axes
+    # The suspension ray goes down the body's z axis. It starts a radius above the hub of the fully compressed wheel, so
+    # that it begins above all ground that the wheel can stand on, and `distance` - `start` is how far below the hub the
+    # ground is. The hub, relative to the origin of the vehicle frame, and the start of the ray, in map axes:
     hx = r00 * hub[0] + r01 * hub[1] + r02 * hub[2]
     hy = r10 * hub[0] + r11 * hub[1] + r12 * hub[2]
     hz = r20 * hub[0] + r21 * hub[1] + r22 * hub[2]
     radius, high, low = wheel["radius"], wheel["compression_max"], wheel["droop_max"]
     start = radius + high
     px, py, pz = ox + hx + r02 * start, oy + hy + r12 * start, oz + hz + r22 * start
-    # heading of the wheel
+    # heading of the wheel: the vehicle's x axis turned by the steering angle in the plane of body axes x and y
     cosine, sine = cos(angle), sin(angle)
     ex, ey, ez = cosine * r00 + sine * r01, cosine * r10 + sine * r11, cosine * r20 + sine * r21
-    # the floor is z = 0; a shape may be nearer
+    # First candidate for the ground: the floor z = 0. The shapes below may be nearer.
     distance, nx, ny, nz, shape = MISS, 0.0, 0.0, 1.0, -1
     if r22 > ON_ITS_SIDE:
         distance = pz / r22
     # what is higher than the wheel can climb, such as a box on top of it, is an obstacle for its collider
     nearest = start + radius - max(high, (1.0 - CLIMBABLE) * radius)
+    # `edge`: the compression with which the circle of the wheel stands on the highest edge of a box
     edge, edge_ahead, edge_shape = -MISS, 0.0, -1
     for j in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, j]
         if model.shapes.vehicle[s] >= 0:
             continue  # a car is no ground but an obstacle: it may come under a wheel from the side, with a step
+        # Leave out what is farther than the ray and the wheel reach, by the sphere around the shape.
         centre = state.shape_position[s]
         cx, cy, cz = centre[0] - px, centre[1] - py, centre[2] - pz
         far = 2.0 * radius + high + low + model.shapes.bounding_radius[s]
         if cx * cx + cy * cy + cz * cz > far * far:
             continue
         if model.shapes.kind[s] == BOX:
+            # Leave out a box that no wheel at this hub can touch; otherwise, the circle of the wheel may stand on an
+            # edge of it, before or behind the ray.
             size, m = model.shapes.size[s], state.shape_rotation[s]
             hub_in_box = _in_box(m, -cx - r02 * start, -cy - r12 * start, -cz - r22 * start)
             reach = radius + max(high, low)
@@ -77,6 +83,7 @@ def find_contact(
             highest, at = edge_support(size, hub_in_box, _in_box(m, ex, ey, ez), _in_box(m, r02, r12, r22), radius)
             if highest > edge:
                 edge, edge_ahead, edge_shape = highest, at, s
+        # The ray may hit the shape; the nearest hit that the wheel can climb is the ground.
         t, sx, sy, sz = cast_ray(
             int(model.shapes.kind[s]),
             model.shapes.size[s],
@@ -91,6 +98,7 @@ def find_contact(
         )
         if nearest <= t < distance:
             distance, nx, ny, nz, shape = t, sx, sy, sz, s
+    # The hit of the ray gives the compression, unless the wheel is held up higher by an edge.
     compression = radius - (distance - start)
     # the contact is `ahead` of the axle and, at compression 0, `below` it
     ahead, below = 0.0, radius
@@ -101,7 +109,8 @@ def find_contact(
         below = sqrt(radius * radius - ahead * ahead)
         lean, rise = -ahead / radius, below / radius
         nx, ny, nz = lean * ex + rise * r02, lean * ey + rise * r12, lean * ez + rise * r22
-    upright = nx * r02 + ny * r12 + nz * r22
+    # Without ground in reach of the suspension the wheel hangs down; a vehicle on its side may lie on its rim.
+    upright = nx * r02 + ny * r12 + nz * r22  # cosine of the angle between the normal and the suspension
     if compression <= -low or upright <= ON_ITS_SIDE:
         contact["is_airborne"] = True
         contact["load"] = 0.0
@@ -122,6 +131,8 @@ def find_contact(
     if shape >= 0 and model.shapes.dof[shape] >= 0:
         gx, gy, gz = velocity_at(state, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz)
         vx, vy, vz = vx - gx, vy - gy, vz - gz
+    # The wheel stays on the plane of the ground: the speed of compression is the speed along the normal, divided by
+    # `upright`. The suspension turns compression and speed into the load.
     speed = -(nx * vx + ny * vy + nz * vz) / upright
     load = suspension_force(
         compression,
@@ -133,6 +144,7 @@ def find_contact(
         wheel["bump_stiffness"],
         wheel["look_ahead"],
     )
+    # Axes of the contact plane: longitudinal l and lateral t. On an edge, l is the tangent of the circle of the wheel.
     if is_on_edge:
         load /= upright  # the part along the suspension carries the load: no energy is gained or lost
         lx, ly, lz = rise * ex - lean * r02, rise * ey - lean * r12, rise * ez - lean * r22
@@ -149,6 +161,7 @@ def find_contact(
         sx, sy, sz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
         lx, ly, lz = cosine * fx + sine * sx, cosine * fy + sine * sy, cosine * fz + sine * sz
         tx, ty, tz = cosine * sx - sine * fx, cosine * sy - sine * fy, cosine * sz - sine * fz
+    # The forces act `force_height` above the contact point: `base` is how far that is below the hub at compression 0.
     base = below - wheel["force_height"]
     contact["is_airborne"] = False
     contact["shape"] = shape
@@ -192,15 +205,18 @@ def _lie_on_rim(
     arm = high - radius  # from the hub to the lowest point, along the vehicle's z axis
     if r22 < 0.0:
         arm = high + radius
+    # the lowest point k, relative to the origin of the vehicle frame, and its depth below the floor
     kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
     depth = -(state.qpos[qpos + 2] + kz)
     if depth <= 0.0:
         return
+    # the bump stop carries that point as a spring with a damper, by its velocity v
     wx, wy, wz = turn
     vx = state.qvel[dof] + wy * kz - wz * ky
     vy = state.qvel[dof + 1] + wz * kx - wx * kz
     vz = state.qvel[dof + 2] + wx * ky - wy * kx
     load = max(0.0, stiffness * depth - sqrt(stiffness * wheel["sprung_mass"]) * vz)
+    # the longitudinal axis is the vehicle's x axis on the floor; the x axis of the map if that one is nearly vertical
     length = sqrt(r00 * r00 + r10 * r10)
     fx, fy = 1.0, 0.0
     if length > 0.1:

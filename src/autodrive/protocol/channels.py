@@ -151,19 +151,19 @@ class OwnSignal(Signal):
     @classmethod
     def of(cls, sensor: str, columns: Sequence[str]) -> OwnSignal:
         """The columns are its elements; it has a unit if that of all columns is the same."""
-        units = {one.partition("[")[2].rstrip("]") for one in columns}
-        elements = tuple(one.partition("[")[0].strip() for one in columns)
+        units = {column.partition("[")[2].rstrip("]") for column in columns}
+        elements = tuple(column.partition("[")[0].strip() for column in columns)
         name = f"own.{sensor}"
         return cls(name, f"values of the sensor '{sensor}'", units.pop() if len(units) == 1 else "", "", elements)
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """All values are numbers."""
+        """Type of the values of a sensor of the user: all are numbers."""
         return np.dtype(np.float64)
 
     @property
     def is_optional(self) -> bool:
-        """Only some vehicles have it."""
+        """Whether only some vehicles have the signal: always, for a sensor of the user."""
         return True
 
     def read(self, vehicle: VehicleFrame) -> Any:

@@ -337,7 +337,9 @@ TIME_SCALE = 60.0
 
 def environment_operations(before: Mapping[str, float], now: Mapping[str, float]) -> list[Operation]:
     """What a script requests that has changed the values of `ENVIRONMENT`: time of day and weather."""
-    auto, scale, time = ([one.get(key) for one in (before, now)] for key in ("Auto Time", "Time Scale", "Time"))
+    auto, scale, time = (
+        [environment.get(key) for environment in (before, now)] for key in ("Auto Time", "Time Scale", "Time")
+    )
     operations: list[Operation] = []
     if auto[1] and (auto[0] != auto[1] or scale[0] != scale[1]):
         operations.append(SetTimeOfDay(None, TIME_SCALE if scale[1] is None else scale[1]))

@@ -16,7 +16,7 @@ from autodrive.protocol.messages import MAX_DRAWINGS, MAX_POINTS, Draw, Drawing
 from autodrive.protocol.native import Drawn
 
 MAX_PRIMITIVES = 10_000
-"""At most, of all drawings. A point, a line between two points, and a character of a text are primitives."""
+"""Most primitives of all drawings together: points, lines between two points, and characters of texts."""
 LIFT = 0.01
 """Height of points that are given without one [m]."""
 MAX_SIZE, MAX_LIFETIME = 100.0, 1e9
@@ -139,7 +139,7 @@ def _color(name: str, color: Any) -> tuple[float, float, float, float]:
             raise wrong from None
         return red / 255.0, green / 255.0, blue / 255.0, 1.0
     try:
-        numbers = [float(one) for one in color]
+        numbers = [float(part) for part in color]
     except (TypeError, ValueError):
         raise wrong from None
     if len(numbers) not in (3, 4):
@@ -150,37 +150,41 @@ def _color(name: str, color: Any) -> tuple[float, float, float, float]:
 
 def check_drawings(drawings: Mapping[str, Drawing | None]) -> None:
     """Raises `CommandError` unless all names and values can be drawn."""
-    for name, one in drawings.items():
-        what = f"drawing {reprlib.repr(name)}"
+    for name, drawing in drawings.items():
+        title = f"drawing {reprlib.repr(name)}"
         if not isinstance(name, str) or len(name) > 100:
             raise CommandError(f"the name of a drawing must be a text of at most 100 characters, not {name!r:.120}")
-        if one is None:
+        if drawing is None:
             continue
-        if not (np.abs(np.array(one.points, np.float64)) <= MAX_DISTANCE).all():
-            raise CommandError(f"the coordinates of {what} must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
-        least = {"points": 1, "path": 2, "lines": 2, "text": 1}[one.kind]
-        count = len(one.points)
-        if not least <= count <= (1 if one.kind == "text" else MAX_POINTS):
-            most = "exactly 1 point" if one.kind == "text" else f"{least} to {MAX_POINTS} points"
-            raise CommandError(f"{what}, a {one.kind}, needs {most}, not {count}; divide a longer one into several")
-        if one.kind == "lines" and count % 2:
-            raise CommandError(f"{what}, lines, needs two points for each line, not {count} in all")
-        if not all(is_number(part) and 0.0 <= part <= 1.0 for part in one.color):
-            raise CommandError(f"each part of the color of {what} must be from 0 to 1, not {one.color}")
-        if not (is_number(one.size) and 0.0 < one.size <= MAX_SIZE):
+        if not (np.abs(np.array(drawing.points, np.float64)) <= MAX_DISTANCE).all():
+            raise CommandError(f"the coordinates of {title} must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
+        least = {"points": 1, "path": 2, "lines": 2, "text": 1}[drawing.kind]
+        count = len(drawing.points)
+        if not least <= count <= (1 if drawing.kind == "text" else MAX_POINTS):
+            most = "exactly 1 point" if drawing.kind == "text" else f"{least} to {MAX_POINTS} points"
             raise CommandError(
-                f"the size or width of {what} must be above 0 and at most {MAX_SIZE:g} m, not {one.size}"
+                f"{title}, a {drawing.kind}, needs {most}, not {count}; divide a longer one into several"
             )
-        if one.lifetime is not None and not (is_number(one.lifetime) and 0.0 < one.lifetime <= MAX_LIFETIME):
-            raise CommandError(f"the lifetime of {what} must be a time above 0 s, or None, not {one.lifetime}")
-        if len(one.text) > 200 or not one.text.isprintable() or bool(one.text) != (one.kind == "text"):
+        if drawing.kind == "lines" and count % 2:
+            raise CommandError(f"{title}, lines, needs two points for each line, not {count} in all")
+        if not all(is_number(part) and 0.0 <= part <= 1.0 for part in drawing.color):
+            raise CommandError(f"each part of the color of {title} must be from 0 to 1, not {drawing.color}")
+        if not (is_number(drawing.size) and 0.0 < drawing.size <= MAX_SIZE):
             raise CommandError(
-                f"{what} needs a text of one line, with 1 to 200 characters, if and only if it is a text"
+                f"the size or width of {title} must be above 0 and at most {MAX_SIZE:g} m, not {drawing.size}"
+            )
+        if drawing.lifetime is not None and not (
+            is_number(drawing.lifetime) and 0.0 < drawing.lifetime <= MAX_LIFETIME
+        ):
+            raise CommandError(f"the lifetime of {title} must be a time above 0 s, or None, not {drawing.lifetime}")
+        if len(drawing.text) > 200 or not drawing.text.isprintable() or bool(drawing.text) != (drawing.kind == "text"):
+            raise CommandError(
+                f"{title} needs a text of one line, with 1 to 200 characters, if and only if it is a text"
             )
 
 
 def primitives(drawing: Drawing) -> int:
-    """How many it has."""
+    """The number of points, lines or characters of a drawing."""
     count = len(drawing.points)
     return {"points": count, "path": count - 1, "lines": count // 2, "text": len(drawing.text)}[drawing.kind]
 
@@ -191,13 +195,13 @@ def drawn_after(before: Mapping[str, Drawn], request: Draw, time: float) -> dict
     Raises `CommandError` for values that cannot be drawn, and for more than `MAX_PRIMITIVES`.
     """
     check_drawings(request.drawings)
-    after = {} if request.clears else {name: one for name, one in before.items() if one.until > time}
+    after = {} if request.clears else {name: drawn for name, drawn in before.items() if drawn.until > time}
     for name, drawing in request.drawings.items():
         after.pop(name, None)
         if drawing is not None:
             lifetime = math.inf if drawing.lifetime is None else drawing.lifetime
             after[name] = Drawn(name, drawing, time + lifetime)
-    total = sum(primitives(one.drawing) for one in after.values() if one.drawing)
+    total = sum(primitives(drawn.drawing) for drawn in after.values() if drawn.drawing)
     if total > MAX_PRIMITIVES:
         raise CommandError(
             f"{total} points, lines and characters would be drawn, and {MAX_PRIMITIVES} are the most: draw fewer, or "
@@ -209,8 +213,8 @@ def drawn_after(before: Mapping[str, Drawn], request: Draw, time: float) -> dict
 def drawings_now(drawings: Mapping[str, Drawn], time: float) -> Draw | None:
     """The request that draws what is seen at that simulated time [s], at most 1000 drawings; None: nothing is."""
     seen = {
-        name: replace(one.drawing, lifetime=None if math.isinf(one.until) else one.until - time)
-        for name, one in list(drawings.items())[-MAX_DRAWINGS:]
-        if one.drawing is not None and one.until > time
+        name: replace(drawn.drawing, lifetime=None if math.isinf(drawn.until) else drawn.until - time)
+        for name, drawn in list(drawings.items())[-MAX_DRAWINGS:]
+        if drawn.drawing is not None and drawn.until > time
     }
     return Draw(dict(seen)) if seen else None

@@ -45,4 +45,4 @@ COLOURS = {
     Label.POST: "#00a0a0",
     Label.VEHICLE: "#2f6bff",
 }
-"""For people: '#rrggbb' of each label."""
+"""Colour of each label in pictures for people: '#rrggbb'."""

@@ -178,7 +178,7 @@ class SetTimeOfDay(msgspec.Struct, frozen=True, tag=True):
 
 
 Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-"""From nothing (0) to the greatest amount (1)."""
+"""A share from nothing (0) to the greatest amount (1)."""
 
 
 class Weather(Displayed, frozen=True, gc=False):
@@ -221,9 +221,9 @@ class SetWeather(msgspec.Struct, frozen=True, tag=True):
 
 
 MAX_POINTS = 2000
-"""Of a drawing."""
+"""Most points of a drawing."""
 MAX_DRAWINGS = 1000
-"""Of a request."""
+"""Most drawings of a request."""
 
 
 class Drawing(msgspec.Struct, frozen=True):
@@ -837,14 +837,20 @@ class BackOnRoad(_OfVehicle, frozen=True, tag=True):
 
 
 class RedLight(_OfVehicle, frozen=True, tag=True):
-    """The front of a vehicle crossed the stop line of a traffic light at red; `position` [m], shape (3,), as above."""
+    """The front of a vehicle crossed the stop line of a traffic light at red.
+
+    `position` [m], shape (3,), is the rear axle centre of the vehicle.
+    """
 
     light: str
     position: Array
 
 
 class StopSign(_OfVehicle, frozen=True, tag=True):
-    """The front of a vehicle crossed the stop line of a stop sign, and it had not stopped before it."""
+    """The front of a vehicle crossed the stop line of a stop sign, and the vehicle had not stopped before the line.
+
+    `position` [m], shape (3,), is the rear axle centre of the vehicle.
+    """
 
     sign: str
     position: Array

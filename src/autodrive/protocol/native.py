@@ -58,7 +58,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
     `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
-    are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
+    are sent, as for `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
@@ -257,7 +257,7 @@ class VehicleScene(msgspec.Struct, frozen=True):
     steering_limit: float
     """[rad]."""
     lamps: dict[str, Lamp]
-    """By the names in `actuators.lights.LAMPS`."""
+    """Lamps by their names in `actuators.lights.LAMPS`."""
     cameras: list[str]
     """Names of the sensor cameras that are on."""
     lidar: Pose | None
@@ -274,7 +274,7 @@ class VehicleScene(msgspec.Struct, frozen=True):
     size: Vector = (0.0, 0.0, 0.0)
     """Overall length, width, height [m]; the middle is half the wheelbase ahead of the origin."""
     is_traffic: bool = False
-    """See `VehicleFrame`."""
+    """Whether it is a vehicle of the traffic, see `VehicleFrame`."""
     sensors: dict[str, SensorScene] = {}
     """Sensors and cameras, also those that are off, by name."""
     missing_gravity: float = 9.81
@@ -312,12 +312,12 @@ class ModuleScene(msgspec.Struct, frozen=True):
     type: str
     """'road', 'intersection', 'parking', 'terrain' or 'obstruction'."""
     length: float
-    """Of the footprint along x [m]."""
+    """Length of the footprint along x [m]."""
     width: float
     """Along y [m]."""
     image: str
     ports: dict[str, MapPort]
-    """In the axes of the module, without the blind ones."""
+    """Ports by name, in the axes of the module, without the blind ones."""
 
 
 class MapProblem(msgspec.Struct, frozen=True):
@@ -336,19 +336,19 @@ class MapProblem(msgspec.Struct, frozen=True):
     parts: list[str]
     repair: dict[str, MapPart]
     vehicle: str = ""
-    """Of 'outside'."""
+    """The vehicle that is outside, for the kind 'outside'."""
 
 
 class MapScene(msgspec.Struct, frozen=True):
     """The map as `EditMap` changes it."""
 
     parts: dict[str, MapPart]
-    """By name."""
+    """Parts of the map by name."""
     ports: dict[str, dict[str, MapPort]]
-    """Of the modules among the parts, in the map."""
+    """Ports, in the map, of the modules among the parts: by part, then by port."""
     problems: list[MapProblem]
     modules: dict[str, ModuleScene]
-    """That can be placed."""
+    """Modules that can be placed, by name."""
     props: list[str]
     """Kinds of signs and traffic lights."""
     templates: dict[str, str]
@@ -389,7 +389,7 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     scene_cameras: dict[str, dict[str, Any]]
     """`render.viewpoints.scene_cameras`."""
     label_colours: dict[str, str] = {}
-    """Of a `SensorView`: '#rrggbb' by name of the label."""
+    """Colours of a `SensorView`: '#rrggbb' by name of the label."""
     object_sizes: dict[str, Vector] = {}
     """Length, width and height [m] of each movable object."""
     plan: Plan | None = None
@@ -525,7 +525,7 @@ class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
     pose: Pose
     """Map from optical frame."""
     intrinsics: CameraIntrinsics
-    """Of the full image; the JPEG has the subscribed `picture_width`."""
+    """Intrinsics of the full image; the JPEG has the subscribed `picture_width`."""
     jpeg: bytes
 
 

@@ -82,7 +82,7 @@ class RecordingStatus(msgspec.Struct, frozen=True):
     duration: float = 0.0
     """Simulated time that the recording contains [s]."""
     size: int = 0
-    """Of the file so far [bytes]."""
+    """Size of the file so far [bytes]."""
     dropped: int = 0
     """Images and scans that were not recorded, because the disk or the processor was too slow."""
     error: str = ""

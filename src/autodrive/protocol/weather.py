@@ -19,7 +19,8 @@ PRESETS = {
     "light_snow": Weather(clouds=0.7, snow=LIGHT),
     "heavy_snow": Weather(clouds=1.0, snow=HEAVY),
 }
-"""By name. The devkit's `Weather` is the number in this order, from 1; its 0 is a weather of the script's own."""
+"""Weather by name. The devkit's `Weather` is the number in this order, from 1; its 0 is a weather of the script's
+own."""
 
 
 def is_clear(weather: Weather) -> bool:

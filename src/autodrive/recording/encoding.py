@@ -17,7 +17,7 @@ from autodrive.recording.about import about_here
 from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.outputs import Output, Stamp
 from autodrive.recording.records import EventRecord, ScenarioRecord, States
-from autodrive.recording.wire import Message as Layout
+from autodrive.recording.wire import WireMessage as Layout
 
 if TYPE_CHECKING:
     from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -136,8 +136,8 @@ class Encoding:
 
     def _transforms(self, frame: Frame, at: Stamp) -> None:
         """Poses for other programs: map from vehicles and objects, vehicle from LIDAR, map from cameras."""
-        poses: list[tuple[str, str, Any]] = [("map", name, one.pose) for name, one in frame.vehicles.items()]
-        poses += [("map", name, one.pose) for name, one in frame.objects.items()]
+        poses: list[tuple[str, str, Any]] = [("map", name, vehicle.pose) for name, vehicle in frame.vehicles.items()]
+        poses += [("map", name, body.pose) for name, body in frame.objects.items()]
         for name, lidar in self._mounts.items():
             if lidar is not None and name in frame.vehicles:
                 poses.append((name, f"{name}/lidar", lidar.mount))

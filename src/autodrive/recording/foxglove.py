@@ -17,7 +17,7 @@ import msgspec
 
 from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, Draw, Drawing, LidarScan, Pose
 from autodrive.recording import wire
-from autodrive.recording.wire import Message, WireInteger
+from autodrive.recording.wire import WireInteger, WireMessage
 
 NANOSECONDS = 1_000_000_000
 
@@ -120,7 +120,7 @@ class FrameTransforms(msgspec.Struct, frozen=True, gc=False):
 
 
 class Duration(msgspec.Struct, frozen=True, gc=False):
-    """As seconds and nanoseconds."""
+    """A duration in seconds and nanoseconds."""
 
     seconds: Int64
     nanos: Int32
@@ -230,7 +230,7 @@ NO_POSE = FoxglovePose(Vector3(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
 
 
 def timestamp(time: int) -> Timestamp:
-    """Of a time [ns]."""
+    """The timestamp of a time [ns]."""
     return Timestamp(*divmod(time, NANOSECONDS))
 
 
@@ -264,17 +264,17 @@ def compressed_image(image: CameraImage, jpeg: bytes, time: int, frame_id: str) 
     )
 
 
-def calibration(of: CameraIntrinsics, time: int, frame_id: str) -> CameraCalibration:
+def calibration(intrinsics: CameraIntrinsics, time: int, frame_id: str) -> CameraCalibration:
     """The message of a camera's pinhole model."""
     return CameraCalibration(
         timestamp=timestamp(time),
-        width=of.width,
-        height=of.height,
+        width=intrinsics.width,
+        height=intrinsics.height,
         distortion_model="plumb_bob",
-        D=list(of.distortion),
-        K=[of.fx, 0.0, of.cx, 0.0, of.fy, of.cy, 0.0, 0.0, 1.0],
+        D=list(intrinsics.distortion),
+        K=[intrinsics.fx, 0.0, intrinsics.cx, 0.0, intrinsics.fy, intrinsics.cy, 0.0, 0.0, 1.0],
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        P=[of.fx, 0.0, of.cx, 0.0, 0.0, of.fy, of.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        P=[intrinsics.fx, 0.0, intrinsics.cx, 0.0, 0.0, intrinsics.fy, intrinsics.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
         frame_id=frame_id,
     )
 
@@ -296,8 +296,8 @@ def scene_update(request: Draw | None, time: int) -> SceneUpdate:
     at = timestamp(time)
     drawings = request.drawings if request else {}
     deletions = [SceneEntityDeletion(at, 1, "")] if request is None or request.clears else []
-    deletions += [SceneEntityDeletion(at, 0, name) for name, one in drawings.items() if one is None]
-    entities = tuple(_entity(name, one, at) for name, one in drawings.items() if one is not None)
+    deletions += [SceneEntityDeletion(at, 0, name) for name, drawing in drawings.items() if drawing is None]
+    entities = tuple(_entity(name, drawing, at) for name, drawing in drawings.items() if drawing is not None)
     return SceneUpdate(tuple(deletions), entities)
 
 
@@ -319,6 +319,6 @@ def _entity(name: str, drawing: Drawing, at: Timestamp) -> SceneEntity:
     return SceneEntity(at, "map", name, lifetime, **parts)
 
 
-SCENE_UPDATE = Message(SceneUpdate)
-LASER_SCAN, COMPRESSED_IMAGE = Message(LaserScan), Message(CompressedImage)
-CAMERA_CALIBRATION, FRAME_TRANSFORMS = Message(CameraCalibration), Message(FrameTransforms)
+SCENE_UPDATE = WireMessage(SceneUpdate)
+LASER_SCAN, COMPRESSED_IMAGE = WireMessage(LaserScan), WireMessage(CompressedImage)
+CAMERA_CALIBRATION, FRAME_TRANSFORMS = WireMessage(CameraCalibration), WireMessage(FrameTransforms)

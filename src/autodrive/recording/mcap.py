@@ -63,7 +63,7 @@ CHUNK_WORK = 2**16
 CACHE_SIZE, CACHED_CHUNKS = 2**25, 8
 """Size [bytes] and number of the chunks that a reader keeps in memory."""
 LEVEL, PACKED_LEVEL = 3, -1
-"""Of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
+"""Levels of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -84,7 +84,7 @@ _HEAD = np.dtype(
 """A message in a chunk, before its data."""
 
 
-class Message(NamedTuple):
+class McapMessage(NamedTuple):
     """A message of a chunk; times in nanoseconds."""
 
     channel: int
@@ -105,7 +105,7 @@ class Schema:
 
 
 @dataclass(frozen=True)
-class Channel:
+class McapChannel:
     """Messages of one kind."""
 
     id: int
@@ -122,9 +122,9 @@ class ChunkIndex(NamedTuple):
     end: int
     offset: int
     length: int
-    """Of its record [bytes]."""
+    """Length of the record of the chunk [bytes]."""
     places: NDArray[np.void]
-    """Its channels and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
+    """Channels of the chunk and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
 
     @property
     def channels(self) -> NDArray[np.uint16]:
@@ -158,7 +158,7 @@ class Chunk:
     packed: int = 0
     """Bytes of data that were compressed before, such as JPEG."""
 
-    def add(self, message: Message, *, is_packed: bool = False) -> None:
+    def add(self, message: McapMessage, *, is_packed: bool = False) -> None:
         """Add a message. `is_packed`: its data are compressed already."""
         if not self.data:
             self.start = self.end = message.log_time
@@ -203,7 +203,7 @@ class Writer:
         )
         self._write(self._schemas[-1])
 
-    def channel(self, channel: Channel) -> None:
+    def channel(self, channel: McapChannel) -> None:
         """Add a channel, before its messages."""
         self._channels.append(
             _record(
@@ -257,7 +257,7 @@ class Writer:
             (SCHEMA, self._schemas),
             (CHANNEL, self._channels),
             (STATISTICS, [self._statistics()]),
-            (CHUNK_INDEX, [_chunk_index(*one) for one in self._chunks]),
+            (CHUNK_INDEX, [_chunk_index(*chunk) for chunk in self._chunks]),
             (ATTACHMENT_INDEX, self._attachments),
             (METADATA_INDEX, self._metadata),
         ]
@@ -281,8 +281,8 @@ class Writer:
             len(self._attachments),
             len(self._metadata),
             len(self._chunks),
-            min((one[0].start for one in self._chunks), default=0),
-            max((one[0].end for one in self._chunks), default=0),
+            min((chunk[0].start for chunk in self._chunks), default=0),
+            max((chunk[0].end for chunk in self._chunks), default=0),
         )
         return _record(STATISTICS, content + _block(counts))
 
@@ -340,8 +340,8 @@ class Reader:
         self.problems: list[str] = []
         self.work = 0
         """Bytes of chunks that were unpacked so far, with `CHUNK_WORK` for each chunk."""
-        self._cache: OrderedDict[int, Messages] = OrderedDict()
-        self._data = _File(path)
+        self._cache: OrderedDict[int, ChunkMessages] = OrderedDict()
+        self._data = _McapFile(path)
         try:
             if self._data[0 : len(MAGIC)] != MAGIC:
                 raise RecordingError(f"this is not an MCAP file  ({path})")
@@ -370,20 +370,22 @@ class Reader:
             self._begin()
             self._read_records(len(MAGIC), len(self._data), is_summary=False)
         self._end_chunk()
-        self.chunks.sort(key=lambda one: one.offset)
-        for one, following in pairwise(self.chunks):
-            if one.offset + one.length > following.offset:
-                raise RecordingError(f"the chunks at bytes {one.offset} and {following.offset} overlap  ({self.path})")
+        self.chunks.sort(key=lambda chunk: chunk.offset)
+        for chunk, following in pairwise(self.chunks):
+            if chunk.offset + chunk.length > following.offset:
+                raise RecordingError(
+                    f"the chunks at bytes {chunk.offset} and {following.offset} overlap  ({self.path})"
+                )
 
     def _begin(self) -> None:
         self.library = ""
         self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
+        self.channels: dict[int, McapChannel] = {}
         self.chunks: list[ChunkIndex] = []
         self.attachments: list[AttachmentIndex] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self._places: list[tuple[int, int]] = []
-        """Of the last chunk: its channels, and the places of their indexes."""
+        """Channels of the last chunk, and the places of their indexes."""
         self._left = {
             "records": LEAST_RECORDS + self.size // RECORD_SIZE,
             "chunks": LEAST_CHUNKS + self.size // CHUNK_SIZE,
@@ -391,13 +393,13 @@ class Reader:
             "bytes of schemas, channels and metadata": MAX_DESCRIPTIONS,
             "metadata records": MAX_METADATA,
         }
-        """How many more of each are read."""
+        """Number of chunks, channels, bytes of descriptions and metadata records that may still be read."""
 
-    def _count(self, what: str, number: int = 1) -> None:
+    def _count(self, plural: str, number: int = 1) -> None:
         """Raises `RecordingError` if there are too many."""
-        self._left[what] -= number
-        if self._left[what] < 0:
-            raise RecordingError(f"the file has more {what} than a recording of its size can have  ({self.path})")
+        self._left[plural] -= number
+        if self._left[plural] < 0:
+            raise RecordingError(f"the file has more {plural} than a recording of its size can have  ({self.path})")
 
     def _read_summary(self) -> bool:
         """Whether the file has a whole summary."""
@@ -452,7 +454,7 @@ class Reader:
             self.schemas.setdefault(id_, Schema(id_, cursor.text(), cursor.text(), cursor.block()))
         elif kind == CHANNEL:
             id_, schema = cursor.number("<H"), cursor.number("<H")
-            channel = Channel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
+            channel = McapChannel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
             self.channels.setdefault(id_, channel)
         elif kind == CHUNK:
             self._count("chunks")
@@ -487,7 +489,7 @@ class Reader:
             self._read_record(METADATA, self._record(place, METADATA), place)
 
     def _end_chunk(self) -> None:
-        """Without a summary: the indexes of the last chunk are complete."""
+        """Note the indexes of the last chunk, which are complete; used while a file without summary is read."""
         if self._places:
             self.chunks[-1] = self.chunks[-1]._replace(places=np.array(self._places, _CHANNEL_PLACE))
             self._places = []
@@ -495,8 +497,8 @@ class Reader:
     def _record(self, offset: int, kind: int) -> _Cursor:
         """The content of the record at a place. Raises `_CutOffError` if it is not there, or of another kind."""
         cursor = _Cursor(self._data, offset, len(self._data))
-        found, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
-        if found != kind:
+        opcode, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
+        if opcode != kind:
             raise _CutOffError(": it does not begin with a record of that kind")
         return _Cursor(self._data, cursor.at, cursor.at + length)
 
@@ -504,11 +506,11 @@ class Reader:
 
     def attachment(self, name: str) -> bytes:
         """The content of an attachment. Raises `RecordingError`."""
-        found = [one for one in self.attachments if one.name == name]
-        if not found:
+        named = [attachment for attachment in self.attachments if attachment.name == name]
+        if not named:
             raise RecordingError(f"the file has no attachment '{name}'  ({self.path})")
         try:
-            cursor = self._record(found[0].offset, ATTACHMENT)
+            cursor = self._record(named[0].offset, ATTACHMENT)
             start = cursor.at
             cursor.take(16)
             cursor.text()
@@ -521,7 +523,7 @@ class Reader:
             raise RecordingError(f"the attachment '{name}' is damaged  ({self.path})") from None
         return data
 
-    def messages(self, chunk: int) -> Messages:
+    def messages(self, chunk: int) -> ChunkMessages:
         """The messages of a chunk, in order. Raises `RecordingError` if it is damaged."""
         if chunk in self._cache:
             self._cache.move_to_end(chunk)
@@ -530,15 +532,18 @@ class Reader:
         self.work += CHUNK_WORK
         try:
             content = self._content(index)
-            found = self._indexed(index, content) or Messages(content, _places(content))
+            messages = self._indexed(index, content) or ChunkMessages(content, _places(content))
         except (_CutOffError, UnicodeDecodeError) as error:
             raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
-        self._cache[chunk] = found
-        while len(self._cache) > CACHED_CHUNKS or sum(one.size for one in self._cache.values()) > CACHE_SIZE:
+        self._cache[chunk] = messages
+        while (
+            len(self._cache) > CACHED_CHUNKS
+            or sum(messages_of_chunk.size for messages_of_chunk in self._cache.values()) > CACHE_SIZE
+        ):
             self._cache.popitem(last=False)
-        return found
+        return messages
 
-    def _indexed(self, index: ChunkIndex, content: bytes) -> Messages | None:
+    def _indexed(self, index: ChunkIndex, content: bytes) -> ChunkMessages | None:
         """The messages of a chunk by the indexes of its channels; None if these do not name all that is in it."""
         places = [np.empty(0, np.int64)]
         count = 0
@@ -553,15 +558,15 @@ class Reader:
                 places.append(np.frombuffer(cursor.take(size), "<i8").reshape(-1, 2)[:, 1])
         except (_CutOffError, ValueError):
             return None
-        found = np.sort(np.concatenate(places))
-        if len(found) == 0 or found[0] != 0 or found[-1] > len(content) - _HEAD.itemsize:
+        starts = np.sort(np.concatenate(places))
+        if len(starts) == 0 or starts[0] != 0 or starts[-1] > len(content) - _HEAD.itemsize:
             return None
-        messages = Messages(content, found)
+        messages = ChunkMessages(content, starts)
         return messages if messages.are_whole else None
 
     def chunk_at(self, time: int) -> int:
         """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
-        return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
+        return bisect.bisect_right(self.chunks, time, key=lambda chunk_index: chunk_index.start) - 1
 
     def _content(self, index: ChunkIndex) -> bytes:
         if self._data.closed:
@@ -582,7 +587,7 @@ class Reader:
 
 
 def _decompressed(compression: str, data: bytes, size: int) -> bytes:
-    """At most `size` bytes, whatever the data are."""
+    """The unpacked data, at most `size` bytes, whatever the data are."""
     if compression == "zstd":
         try:
             if zstd.get_frame_info(data).decompressed_size not in {None, size}:  # None: the data do not say
@@ -595,7 +600,7 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     return data
 
 
-class Messages(Sequence[Message]):
+class ChunkMessages(Sequence[McapMessage]):
     """The messages of a chunk, in order. Each is taken apart when it is read."""
 
     def __init__(self, content: bytes, places: NDArray[np.int64]) -> None:
@@ -613,7 +618,7 @@ class Messages(Sequence[Message]):
 
     @property
     def size(self) -> int:
-        """Of the chunk [bytes]."""
+        """Size of the chunk [bytes]."""
         return len(self._content)
 
     @property
@@ -626,21 +631,21 @@ class Messages(Sequence[Message]):
         return len(self._places)
 
     @overload
-    def __getitem__(self, i: int) -> Message: ...
+    def __getitem__(self, i: int) -> McapMessage: ...
     @overload
-    def __getitem__(self, i: slice) -> list[Message]: ...
-    def __getitem__(self, i: int | slice) -> Message | list[Message]:
+    def __getitem__(self, i: slice) -> list[McapMessage]: ...
+    def __getitem__(self, i: int | slice) -> McapMessage | list[McapMessage]:
         if isinstance(i, slice):
-            return [self[one] for one in range(*i.indices(len(self)))]
+            return [self[number] for number in range(*i.indices(len(self)))]
         _, _, channel, sequence, log_time, publish_time = self._heads[i].item()
         data = self._content[int(self._places[i]) + _HEAD.itemsize : int(self._ends[i])]
-        return Message(channel, sequence, log_time, publish_time, data)
+        return McapMessage(channel, sequence, log_time, publish_time, data)
 
-    def __iter__(self) -> Iterator[Message]:
+    def __iter__(self) -> Iterator[McapMessage]:
         places = zip(self._places.tolist(), self._ends.tolist(), strict=True)
         for (_, _, *head), (start, end) in zip(self._heads.tolist(), places, strict=True):
             channel, sequence, log_time, publish_time = head
-            yield Message(channel, sequence, log_time, publish_time, self._content[start + _HEAD.itemsize : end])
+            yield McapMessage(channel, sequence, log_time, publish_time, self._content[start + _HEAD.itemsize : end])
 
     def on(self, channel: int) -> NDArray[np.intp]:
         """Places in this sequence of the messages of a channel."""
@@ -648,22 +653,22 @@ class Messages(Sequence[Message]):
 
     def last(self, channel: int, before: int | None = None) -> int:
         """Place of the last message of a channel before a place; -1 if there is none."""
-        found = np.flatnonzero(self.channels[:before] == channel)
-        return int(found[-1]) if len(found) else -1
+        of_channel = np.flatnonzero(self.channels[:before] == channel)
+        return int(of_channel[-1]) if len(of_channel) else -1
 
 
 NO_PLACES = np.empty(0, _CHANNEL_PLACE)
-NO_MESSAGES = Messages(b"", np.empty(0, np.int64))
-"""Of a chunk that is damaged."""
+NO_MESSAGES = ChunkMessages(b"", np.empty(0, np.int64))
+"""The messages of a damaged chunk: none."""
 
 
 def _places(content: bytes) -> NDArray[np.int64]:
     """Where the messages of a chunk begin, found from record to record."""
-    found: list[int] = []
+    starts: list[int] = []
     at, size = 0, len(content)
     for _ in range(MAX_MESSAGES):
         if at == size:
-            return np.array(found, np.int64)
+            return np.array(starts, np.int64)
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")
         kind, length = _RECORD_HEAD.unpack_from(content, at)
@@ -671,7 +676,7 @@ def _places(content: bytes) -> NDArray[np.int64]:
         if end > size or (kind == MESSAGE and length < 22):
             raise _CutOffError(": a record is cut off")
         if kind == MESSAGE:
-            found.append(at)
+            starts.append(at)
         at = end
     raise _CutOffError(f": it has more than {MAX_MESSAGES} records")
 
@@ -680,7 +685,7 @@ class _CutOffError(Exception):
     """A record is shorter than its content."""
 
 
-class _File:
+class _McapFile:
     """The bytes of a file. If another program cuts it off meanwhile, what is missing is not there.
 
     A memory map would end the process then.
@@ -721,16 +726,16 @@ class _File:
 
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of a part."""
-        found = 0
+        checksum = 0
         for at in range(start, end, 2**20):
-            found = zlib.crc32(self[at : min(at + 2**20, end)], found)
-        return found
+            checksum = zlib.crc32(self[at : min(at + 2**20, end)], checksum)
+        return checksum
 
 
 class _Cursor:
     """Reads values one after the other between two places."""
 
-    def __init__(self, data: bytes | _File, at: int, end: int) -> None:
+    def __init__(self, data: bytes | _McapFile, at: int, end: int) -> None:
         self._data = data
         self.at = at
         self.end = min(end, len(data))
@@ -744,10 +749,10 @@ class _Cursor:
         if self.at + size > self.end:
             raise _CutOffError
         self.at += size
-        found = self._data[self.at - size : self.at]
-        if len(found) < size:
+        content = self._data[self.at - size : self.at]
+        if len(content) < size:
             raise _CutOffError(": the file has become shorter since it was opened")
-        return found
+        return content
 
     def number(self, form: str) -> int:
         return struct.unpack(form, self.take(struct.calcsize(form)))[0]
@@ -764,8 +769,8 @@ class _Cursor:
     def texts(self) -> dict[str, str]:
         block = self.block()
         inner = _Cursor(block, 0, len(block))
-        found: dict[str, str] = {}
+        texts: dict[str, str] = {}
         while inner.at < len(block):
             key = inner.text()
-            found[key] = inner.text()
-        return found
+            texts[key] = inner.text()
+        return texts

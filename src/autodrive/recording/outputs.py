@@ -16,14 +16,14 @@ from autodrive.base.version import __version__
 from autodrive.recording import mcap, records
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
-from autodrive.recording.mcap import Channel, Chunk, Message, Schema
-from autodrive.recording.wire import Message as Layout
+from autodrive.recording.mcap import Chunk, McapChannel, McapMessage, Schema
+from autodrive.recording.wire import WireMessage as Layout
 from autodrive.recording.wire import descriptor
 
 log = logging.getLogger(__name__)
 
 START = mcap.header(f"autodrive {__version__}")
-"""Of each file."""
+"""Header of each file."""
 CHUNK_TIME = 0.7
 """A chunk is written this long after its first message [s of wall time]; less than 1 s is lost, with `DRAIN_TIME`."""
 CHUNK_SIZE = 2**19
@@ -47,8 +47,8 @@ class Output:
         self._chunk = Chunk()
         self._chunk_began = 0.0
         self._schemas: dict[str, Schema] = {}
-        self._channels: dict[str, Channel] = {}
-        self._scenario: Message | None = None
+        self._channels: dict[str, McapChannel] = {}
+        self._scenario: McapMessage | None = None
         """The latest message that a World begins."""
 
     def begin(self, about: Mapping[str, str]) -> None:
@@ -59,15 +59,15 @@ class Output:
         """Add a file."""
         raise NotImplementedError
 
-    def registered(self, schema: Schema | None, channel: Channel) -> None:
-        """There is a new channel, perhaps with a new schema."""
+    def registered(self, schema: Schema | None, channel: McapChannel) -> None:
+        """Called after a new channel was added, perhaps with a new schema."""
 
     def finished(self, chunk: Chunk) -> None:
         """A chunk is full."""
         raise NotImplementedError
 
     def trigger(self, now: int) -> None:
-        """There was an event of the ring mode."""
+        """Called after an event of the ring mode."""
 
     def close(self) -> None:
         """Write what is left."""
@@ -81,7 +81,7 @@ class Output:
         channel = self._channels.get(topic) or self._register(topic, layout)
         if not self._chunk.data:
             self._chunk_began = time.monotonic()
-        message = Message(channel.id, at.tick & 0xFFFFFFFF, at.now, max(at.simulated, 0), data)
+        message = McapMessage(channel.id, at.tick & 0xFFFFFFFF, at.now, max(at.simulated, 0), data)
         self._chunk.add(message, is_packed=is_packed)
         if topic == records.SCENARIO:
             self._scenario = message
@@ -104,7 +104,7 @@ class Output:
             chunk, self._chunk = self._chunk, Chunk()
             self.finished(chunk)
 
-    def _register(self, topic: str, layout: Layout | None) -> Channel:
+    def _register(self, topic: str, layout: Layout | None) -> McapChannel:
         name = records.schema_name(topic) if layout is None else layout.name
         schema = None
         if name not in self._schemas:
@@ -112,7 +112,7 @@ class Output:
                 ("jsonschema", records.json_schema(topic)) if layout is None else ("protobuf", descriptor(layout))
             )
             schema = self._schemas[name] = Schema(len(self._schemas) + 1, name, encoding, data)
-        channel = Channel(
+        channel = McapChannel(
             len(self._channels) + 1, self._schemas[name].id, topic, "json" if layout is None else "protobuf", {}
         )
         self._channels[topic] = channel
@@ -152,7 +152,7 @@ class FileOutput(Output):
             self._attached.add(name)
             self._writer.attachment(name, media_type, data)
 
-    def registered(self, schema: Schema | None, channel: Channel) -> None:
+    def registered(self, schema: Schema | None, channel: McapChannel) -> None:
         """Write them before their messages."""
         if schema is not None:
             self._writer.schema(schema)
@@ -212,7 +212,7 @@ class RingOutput(Output):
             self._kept.popleft()
 
     def end_frame(self, now: int) -> None:
-        """As in `Output`; the second after an event may have passed."""
+        """End a Frame; write the buffer if the second after an event has passed."""
         super().end_frame(now)
         if self._due is not None and now >= self._due:
             self._write()

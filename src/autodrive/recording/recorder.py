@@ -110,7 +110,7 @@ class Recorder:
         self._is_threaded = self._simulation is not None and self._simulation.speed is not None
         self._queue: deque[Callable[[], None]] = deque()
         self._latest_images: dict[tuple[str, str], CameraImage] = {}
-        """Of each camera, by vehicle and camera."""
+        """Latest image of each camera, by vehicle and camera."""
         self._queued_images = self._written_images = 0
         self._are_images_dropped = False
         self._next_status = 0
@@ -170,14 +170,14 @@ class Recorder:
             self.output.close()
 
     def status(self) -> str:
-        """In a few words, for a status line."""
+        """The status in a few words, for a status line."""
         if self.error:
             return "not recording"
         lost = self.dropped_frames + self.dropped_images
         return f"recording {self._clock.now / NANOSECONDS:.1f} s" + (f", {lost} left out" if lost else "")
 
     def save(self) -> None:
-        """With `last`: write the last seconds to a file; their events do that, too."""
+        """Write the last seconds to a file, with `last`; events do that, too."""
         if isinstance(self.output, RingOutput):
             self._add(functools.partial(self.output.trigger, self._clock.now))
 
@@ -243,7 +243,7 @@ class Recorder:
         self._written_images += new
 
     def _count_new_images(self, frame: Frame) -> int:
-        """How many images are not in the Frame before."""
+        """Number of images in a Frame that were not in the Frame before it."""
         latest = {
             (name, camera): image
             for name, vehicle in frame.vehicles.items()
@@ -364,10 +364,10 @@ class _RecordedTime:
         return round(self._time)
 
 
-def _period(rate: float | None, of: str) -> Fraction:
-    """Time between two of them [ns]; 0: each is recorded."""
+def _period(rate: float | None, subject: str) -> Fraction:
+    """Time between two recorded messages [ns]; 0: each is recorded."""
     if rate is None:
         return Fraction(0)
     if not 0.0 < rate < math.inf:
-        raise RecordingError(f"the rate of {of} must be a positive number [Hz], not {rate}")
+        raise RecordingError(f"the rate of {subject} must be a positive number [Hz], not {rate}")
     return NANOSECONDS / Fraction(rate)

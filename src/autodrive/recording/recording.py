@@ -27,7 +27,7 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
 from autodrive.recording.signals import Signals
-from autodrive.recording.wire import Message, pool_of
+from autodrive.recording.wire import WireMessage, pool_of
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.files import write_to
 
@@ -39,7 +39,7 @@ file."""
 MAX_SIZE, MESSAGE_WORK = 2**25, 2**9
 """Size of all messages of such a topic, and what a message counts besides its size [bytes]."""
 MAX_PIXELS = 2**24
-"""Of a picture that is decoded; no camera has more."""
+"""Most pixels of a picture that is decoded; no camera has more."""
 MAX_BROKEN = 1000
 """Frames one after the other that cannot be read."""
 
@@ -76,11 +76,13 @@ class Recording:
             self._file.close()
             raise
         self._ids = {channel.topic: channel.id for channel in self._file.channels.values()}
-        schemas = {one.name: pool_of(one.data) for one in self._file.schemas.values() if one.encoding == "protobuf"}
+        schemas = {
+            schema.name: pool_of(schema.data) for schema in self._file.schemas.values() if schema.encoding == "protobuf"
+        }
         self._states = States(schemas)
-        self.scan_message = Message(LaserScan, schemas=schemas)
-        self._image = Message(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
-        self.own_message = Message(OwnReading, schemas=schemas)
+        self.scan_message = WireMessage(LaserScan, schemas=schemas)
+        self._image = WireMessage(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
+        self.own_message = WireMessage(OwnReading, schemas=schemas)
         self._frame_channel = self._ids.get(records.FRAME, -1)
         self._scenarios: dict[int, ScenarioRecord] = {}
 
@@ -89,8 +91,8 @@ class Recording:
         about = self._file.metadata.get(records.PROFILE)
         if about is None:
             if not self._file.library.startswith("autodrive"):
-                of = f" (written by '{self._file.library}')" if self._file.library else ""
-                raise RecordingError(f"this MCAP file is not a recording of AutoDRIVE{of}{problems}  ({self.path})")
+                origin = f" (written by '{self._file.library}')" if self._file.library else ""
+                raise RecordingError(f"this MCAP file is not a recording of AutoDRIVE{origin}{problems}  ({self.path})")
             raise RecordingError(f"the recording has no content{problems}  ({self.path})")
         self.about: Mapping[str, str] = about
         """Versions, platform, tick and settings of the recording, by name."""
@@ -151,11 +153,11 @@ class Recording:
         """Tick of the last Frame; a reset sets ticks back."""
         return self._edge(-1)[1]
 
-    def _edge(self, which: int) -> tuple[int, int]:
+    def _edge(self, end: int) -> tuple[int, int]:
         """Time [ns] and tick of the Frame with that number: 0, the first one, or -1, the last one."""
         chunks = range(len(self._file.chunks))
-        for _, messages, found in self._search(self._frame_channel, chunks[:: 1 if which == 0 else -1]):
-            message = messages[int(found[which])]
+        for _, messages, places in self._search(self._frame_channel, chunks[:: 1 if end == 0 else -1]):
+            message = messages[int(places[end])]
             return message.log_time, self._states.decode_frame(message.data)["tick"]
         self._no_frames()
 
@@ -178,8 +180,8 @@ class Recording:
     @cached_property
     def _scenario_places(self) -> list[tuple[float, int, int]]:
         """Time [s], chunk and place in it of each scenario."""
-        found = self._all_of(records.SCENARIO)
-        return [(int(messages.log_times[i]) / NANOSECONDS, chunk, i) for chunk, messages, i in found]
+        places = self._all_of(records.SCENARIO)
+        return [(int(messages.log_times[i]) / NANOSECONDS, chunk, i) for chunk, messages, i in places]
 
     def _scenario(self, number: int) -> ScenarioRecord:
         if number not in self._scenarios:
@@ -221,16 +223,16 @@ class Recording:
     def own_sensors(self, vehicle: str) -> dict[str, tuple[str, ...]]:
         """Names of the sensors of the user on a vehicle, and the columns of the first reading of each."""
         start = records.own_topic(vehicle, "")
-        found: dict[str, tuple[str, ...]] = {}
+        columns: dict[str, tuple[str, ...]] = {}
         for topic in sorted(topic for topic in self._ids if topic.startswith(start)):
             for _, message in islice(self._of_topic(topic), 1):
-                found[topic.removeprefix(start)] = self.own_message.struct(message.data).columns
-        return found
+                columns[topic.removeprefix(start)] = self.own_message.struct(message.data).columns
+        return columns
 
     @property
     def attachments(self) -> tuple[str, ...]:
         """Names of the files in the recording, such as meshes."""
-        return tuple(one.name for one in self._file.attachments)
+        return tuple(attachment.name for attachment in self._file.attachments)
 
     def attachment(self, name: str) -> bytes:
         """Content of a file in the recording. Raises `RecordingError`."""
@@ -243,10 +245,13 @@ class Recording:
         return self.moment_at(time).frame
 
     def moment_at(self, time: float) -> Moment:
-        """As `frame_at`, with the time of the Frame."""
+        """The last Frame at that time [s] or before, with its time; the first one before the start.
+
+        Raises `RecordingError`.
+        """
         limit = _nanoseconds(time)
-        for chunk, _, found in self._search(self._frame_channel, range(self._file.chunk_at(limit), -1, -1), limit):
-            return self._moment(chunk, int(found[-1]))
+        for chunk, _, places in self._search(self._frame_channel, range(self._file.chunk_at(limit), -1, -1), limit):
+            return self._moment(chunk, int(places[-1]))
         return next(self.moments(), None) or self._no_frames()
 
     def frames(self, start: float | None = None, end: float | None = None) -> Iterator[Frame]:
@@ -254,12 +259,12 @@ class Recording:
         return (frame for _, frame in self.moments(start, end))
 
     def moments(self, start: float | None = None, end: float | None = None) -> Iterator[Moment]:
-        """As `frames`, with the time of each."""
+        """The Frames from a time to another [s], both included, each with its time."""
         first = -1 if start is None else _nanoseconds(start)
         last = None if end is None else _nanoseconds(end)
         broken = 0
-        for chunk, messages, found in self._search(self._frame_channel, self._chunks(first, last)):
-            for i in found.tolist():
+        for chunk, messages, places in self._search(self._frame_channel, self._chunks(first, last)):
+            for i in places.tolist():
                 if messages.log_times[i] < first:
                     continue
                 if last is not None and messages.log_times[i] > last:
@@ -287,8 +292,12 @@ class Recording:
         start = messages.last(self._frame_channel, i) + 1
         own = messages[start:i]
         event_channel = self._ids.get(records.EVENTS, -1)
-        events = [records.decode_json(records.EVENTS, one.data).event for one in own if one.channel == event_channel]
-        topics = {one.channel: one.data for one in own}
+        events = [
+            records.decode_json(records.EVENTS, message.data).event
+            for message in own
+            if message.channel == event_channel
+        ]
+        topics = {message.channel: message.data for message in own}
         states: dict[str, bytes] = {}
         for name in values["vehicles"]:
             channel = self._ids.get(records.state_topic(name), -1)
@@ -316,22 +325,24 @@ class Recording:
     def _lidar(self, vehicle: str, time: float | None, chunk: int, i: int) -> LidarScan | None:
         if time is None:
             return None
-        found = self._last(records.scan_topic(vehicle), chunk, i)
-        scan = None if found is None else lidar_scan(self.scan_message.struct(found.data))
+        message = self._last(records.scan_topic(vehicle), chunk, i)
+        scan = None if message is None else lidar_scan(self.scan_message.struct(message.data))
         return scan if scan is not None and scan.time == time else None
 
     def _own(self, vehicle: str, times: Mapping[str, float], chunk: int, i: int) -> dict[str, OwnReading]:
         """The latest reading of each sensor of the user; without those that were not recorded."""
-        found = {name: self._last(records.own_topic(vehicle, name), chunk, i) for name in times}
-        readings = {name: self.own_message.struct(one.data) for name, one in found.items() if one is not None}
+        messages = {name: self._last(records.own_topic(vehicle, name), chunk, i) for name in times}
+        readings = {
+            name: self.own_message.struct(message.data) for name, message in messages.items() if message is not None
+        }
         return {name: reading for name, reading in readings.items() if reading.time == times[name]}
 
-    def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
+    def _last(self, topic: str, chunk: int, i: int) -> mcap.McapMessage | None:
         """The last message of a topic before message i of a chunk."""
         channel = self._ids.get(topic, -1)
         messages = self._messages(chunk)
-        if (found := messages.last(channel, i)) >= 0:
-            return messages[found]
+        if (place := messages.last(channel, i)) >= 0:
+            return messages[place]
         for _, earlier, places in self._search(channel, range(chunk - 1, -1, -1)):
             return earlier[int(places[-1])]
         return None
@@ -341,8 +352,8 @@ class Recording:
     def picture_at(self, vehicle: str, camera: str, time: float) -> Picture | None:
         """The last picture of a camera at that time [s] or before, as JPEG; None if there is none."""
         channel, limit = self._ids.get(records.image_topic(vehicle, camera), -1), _nanoseconds(time)
-        for _, messages, found in self._search(channel, range(self._file.chunk_at(limit), -1, -1), limit):
-            return self._decoded_picture(vehicle, camera, messages[int(found[-1])].data)
+        for _, messages, places in self._search(channel, range(self._file.chunk_at(limit), -1, -1), limit):
+            return self._decoded_picture(vehicle, camera, messages[int(places[-1])].data)
         return None
 
     def pictures(
@@ -358,8 +369,8 @@ class Recording:
                 yield time, self._decoded_picture(vehicle, camera, message.data)
 
     def _picture(self, vehicle: str, camera: str, chunk: int, i: int) -> Picture | None:
-        found = self._last(records.image_topic(vehicle, camera), chunk, i)
-        return None if found is None else self._decoded_picture(vehicle, camera, found.data)
+        message = self._last(records.image_topic(vehicle, camera), chunk, i)
+        return None if message is None else self._decoded_picture(vehicle, camera, message.data)
 
     def _decoded_picture(self, vehicle: str, camera: str, data: bytes) -> Picture:
         image: CompressedImage = self._image.struct(data)
@@ -370,8 +381,11 @@ class Recording:
     @cached_property
     def events(self) -> list[TimedEvent]:
         """All events, in order."""
-        messages = ((found[i].log_time / NANOSECONDS, found[i]) for _, found, i in self._all_of(records.EVENTS))
-        return [TimedEvent(time, one.tick, one.event) for time, one in self._decoded(records.EVENTS, messages)]
+        messages = (
+            (messages_of_chunk[i].log_time / NANOSECONDS, messages_of_chunk[i])
+            for _, messages_of_chunk, i in self._all_of(records.EVENTS)
+        )
+        return [TimedEvent(time, record.tick, record.event) for time, record in self._decoded(records.EVENTS, messages)]
 
     @property
     def commands(self) -> Iterator[tuple[float, CommandsRecord]]:
@@ -390,7 +404,7 @@ class Recording:
 
     def next_event(self, time: float) -> TimedEvent | None:
         """The first event after that time [s]; None if there is none."""
-        i = bisect.bisect_right([one.time for one in self.events], time)
+        i = bisect.bisect_right([event.time for event in self.events], time)
         return self.events[i] if i < len(self.events) else None
 
     def sequence(self) -> Iterator[tuple[float, object]]:
@@ -411,21 +425,21 @@ class Recording:
     def _records(self, topic: str) -> Iterator[tuple[float, Any]]:
         return self._decoded(topic, self._of_topic(topic))
 
-    def _decoded(self, topic: str, messages: Iterable[tuple[float, mcap.Message]]) -> Iterator[tuple[float, Any]]:
+    def _decoded(self, topic: str, messages: Iterable[tuple[float, mcap.McapMessage]]) -> Iterator[tuple[float, Any]]:
         for time, message in messages:
             try:
                 yield time, records.decode_json(topic, message.data)
             except RecordingError as error:
                 self._file.report(str(error))
 
-    def _all_of(self, topic: str) -> Iterator[tuple[int, mcap.Messages, int]]:
+    def _all_of(self, topic: str) -> Iterator[tuple[int, mcap.ChunkMessages, int]]:
         """Chunk, its messages and the place of each message of a topic, without those beyond the limits of a recording.
 
         They are read when a recording is opened, so that the work must be bounded.
         """
         size, work = 0, self._file.work + MAX_WORK + WORK_PER_BYTE * self._file.size
-        for chunk, messages, found in self._search(self._ids.get(topic, -1), self._chunks()):
-            for i in found.tolist():
+        for chunk, messages, places in self._search(self._ids.get(topic, -1), self._chunks()):
+            for i in places.tolist():
                 size += MESSAGE_WORK + len(messages[i].data)
                 if size > MAX_SIZE or self._file.work > work:
                     time = messages[i].log_time / NANOSECONDS
@@ -433,9 +447,9 @@ class Recording:
                     return
                 yield chunk, messages, i
 
-    def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.Message]]:
-        for _, messages, found in self._search(self._ids.get(topic, -1), self._chunks()):
-            for i in found.tolist():
+    def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.McapMessage]]:
+        for _, messages, places in self._search(self._ids.get(topic, -1), self._chunks()):
+            for i in places.tolist():
                 message = messages[i]
                 yield message.log_time / NANOSECONDS, message
 
@@ -462,28 +476,28 @@ class Recording:
         """The data of all messages of a topic, in order."""
         return [message.data for _, message in self._of_topic(topic)]
 
-    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.McapMessage]]]:
         """Messages by topic, for each chunk of the file that has any from a time to another [s]."""
         first, last = _nanoseconds(start), _nanoseconds(end)
         names = {self._ids[topic]: topic for topic in topics if topic in self._ids}
         for chunk in self._chunks(first, last):
             if not any(self._may_have(channel, chunk) for channel in names):
                 continue
-            found: dict[str, list[mcap.Message]] = {}
+            block: dict[str, list[mcap.McapMessage]] = {}
             messages = self._messages(chunk)
             for channel, topic in names.items():
                 if len(places := messages.on(channel)):
-                    found[topic] = [messages[i] for i in places.tolist()]
-            yield found
+                    block[topic] = [messages[i] for i in places.tolist()]
+            yield block
 
     def log_times(self, topic: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The times of all messages of a topic [s], in order."""
         return self._log_times(self._ids.get(topic, -1))
 
     def _log_times(self, channel: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-        found = [np.empty(0, np.uint64)]
-        found += [messages.log_times[places] for _, messages, places in self._search(channel, self._chunks())]
-        return np.concatenate(found) / NANOSECONDS
+        log_times = [np.empty(0, np.uint64)]
+        log_times += [messages.log_times[places] for _, messages, places in self._search(channel, self._chunks())]
+        return np.concatenate(log_times) / NANOSECONDS
 
     # -- chunks ----------------------------------------------------------------------------------------------------
 
@@ -501,8 +515,8 @@ class Recording:
 
     def _search(
         self, channel: int, chunks: Iterable[int], until: int | None = None
-    ) -> Iterator[tuple[int, mcap.Messages, NDArray[np.intp]]]:
-        """Each of these chunks that has messages of a channel, up to a time [ns]: all its messages, and their places.
+    ) -> Iterator[tuple[int, mcap.ChunkMessages, NDArray[np.intp]]]:
+        """The chunks with messages of a channel, up to a time [ns]: number, messages, places of those of the channel.
 
         Raises `RecordingError` if too many chunks are read for nothing.
         """
@@ -512,18 +526,18 @@ class Recording:
                 continue
             before = self._file.work
             messages = self._messages(chunk)
-            found = messages.on(channel)
+            places = messages.on(channel)
             if until is not None:
-                found = found[messages.log_times[found] <= until]
-            if len(found):
+                places = places[messages.log_times[places] <= until]
+            if len(places):
                 in_vain = 0
-                yield chunk, messages, found
+                yield chunk, messages, places
             else:
                 in_vain += self._file.work - before
                 if in_vain > MAX_IN_VAIN:
                     raise RecordingError(f"the index names channels that the chunks do not have  ({self.path})")
 
-    def _messages(self, chunk: int) -> mcap.Messages:
+    def _messages(self, chunk: int) -> mcap.ChunkMessages:
         """The messages of a chunk; none, and a problem, if it is damaged."""
         try:
             return self._file.messages(chunk)
@@ -542,16 +556,16 @@ class LazyImages(Images):
 
     def picture(self, camera: str) -> Picture | None:
         """The picture as it is in the recording; None if it is not there."""
-        found = self._picture(camera)
-        return found if found is not None and found.time == self.times[camera] else None
+        picture = self._picture(camera)
+        return picture if picture is not None and picture.time == self.times[camera] else None
 
     def __getitem__(self, camera: str) -> CameraImage:
         image: CameraImage | None = super().__getitem__(camera)
         if image is None:
-            found = self.picture(camera)
-            if found is None:
+            picture = self.picture(camera)
+            if picture is None:
                 return self.__missing__(camera)
-            image = decoded(found)
+            image = decoded(picture)
             super().__setitem__(camera, image)
         return image
 
@@ -593,7 +607,7 @@ def _written(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
     """
     try:
         spec = write_to(folder, checked(dict(record.spec), ScenarioSpec), record.files)
-        vehicles = {name: one.model_copy(update={"own_sensors": {}}) for name, one in spec.vehicles.items()}
+        vehicles = {name: placement.model_copy(update={"own_sensors": {}}) for name, placement in spec.vehicles.items()}
         return spec.model_copy(update={"vehicles": vehicles})
     except KeyError as error:
         raise RecordingError(f"the recording does not contain the file {error} of its scenario") from None

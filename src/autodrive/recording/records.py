@@ -12,7 +12,7 @@ from autodrive.base.texts import total
 from autodrive.base.yaml_files import MAX_BYTES
 from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
 from autodrive.recording.errors import RecordingError
-from autodrive.recording.wire import Message, Schemas
+from autodrive.recording.wire import Schemas, WireMessage
 from autodrive.scenario import MAX_VEHICLES
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS
 from autodrive.world.observer import Request
@@ -184,8 +184,10 @@ class States:
     """
 
     def __init__(self, schemas: Schemas | None = None) -> None:
-        self.frame = Message(Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, schemas=schemas)
-        self.vehicle = Message(
+        self.frame = WireMessage(
+            Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, schemas=schemas
+        )
+        self.vehicle = WireMessage(
             VehicleFrame,
             replaced={"lidar": float | None, "cameras": dict[str, float], "own": dict[str, float]},
             schemas=schemas,
@@ -209,7 +211,7 @@ class States:
         return _required(self.vehicle, self.vehicle.decode(data))
 
 
-def _required(message: Message, values: dict[str, Any]) -> dict[str, Any]:
+def _required(message: WireMessage, values: dict[str, Any]) -> dict[str, Any]:
     if any(value is msgspec.NODEFAULT for value in values.values()):
         missing = [name for name, value in values.items() if value is msgspec.NODEFAULT]
         raise RecordingError(f"a message '{message.name}' has no {', '.join(missing)}")

@@ -32,7 +32,7 @@ class Difference:
     """The first difference between a recording and the simulation of it."""
 
     time: float
-    """In the recording [s]."""
+    """Time of the difference in the recording [s]."""
     tick: int
     signal: str
     """Path in the Frame, such as 'vehicles.V1.imu.euler[2]'."""
@@ -47,13 +47,13 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Result:
+class Resimulation:
     """Result of `resimulate`."""
 
     frames: int
     """Frames that were compared."""
     difference: Difference | None
-    """None: identical."""
+    """The first difference; None: both are identical."""
     made_by: str
     """Versions that made the recording, if they are not those of this installation; empty if they are."""
 
@@ -66,7 +66,7 @@ OwnSensors: TypeAlias = Mapping[str, Mapping[str, Callable[[], OwnSensor]]]
 """The class of each sensor of the user, by vehicle and name: `{"V1": {"radar": Radar}}`."""
 
 
-def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> Result:
+def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> Resimulation:
     """Run the scenario again with the recorded commands and requests, and compare every Frame.
 
     `own_sensors`: the sensors of the user, whose code a recording does not contain. Raises `RecordingError` if one of
@@ -85,7 +85,7 @@ def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> R
         raise RecordingError(
             f"identical up to {now:g} s ({count} Frames), but the recording is not whole: {problems[0]}"
         )
-    return Result(count, difference, _other_versions(recording))
+    return Resimulation(count, difference, _other_versions(recording))
 
 
 def simulated_again(
@@ -130,11 +130,11 @@ def _each_frame(
         )
     with ExitStack() as stack:
         again = _Again(recording, stack, changed, own_sensors, watches_contacts=watches_contacts)
-        for time, item in recording.sequence():
-            if isinstance(item, Frame):
-                yield time, item, again
+        for time, record in recording.sequence():
+            if isinstance(record, Frame):
+                yield time, record, again
             else:
-                again.take(item)
+                again.take(record)
 
 
 class _Again:
@@ -165,12 +165,14 @@ class _Again:
         """The World of the latest scenario of the recording, or of an edited one."""
         known = None if isinstance(scenario, str) else scenario
         if known:
-            given = known.specs.scenario
+            recorded = known.specs.scenario
         else:
-            given = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
-        spec = self._changed(given)
-        if spec.tick != given.tick:
-            raise RecordingError(f"the scenario has a tick of {spec.tick} s; that of the recording is {given.tick} s")
+            recorded = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
+        spec = self._changed(recorded)
+        if spec.tick != recorded.tick:
+            raise RecordingError(
+                f"the scenario has a tick of {spec.tick} s; that of the recording is {recorded.tick} s"
+            )
         world = new_world(described(spec, known=known))
         if known is None:  # the World of an edit takes over the sensors of the one before
             for vehicle, names in self._scenario.own_sensors.items():
@@ -190,9 +192,9 @@ class _Again:
             )
         world.add_sensor(vehicle, name, kind())
 
-    def take(self, item: object) -> None:
+    def take(self, record: object) -> None:
         """A scenario, commands or a request."""
-        match item:
+        match record:
             case CommandsRecord(tick=tick, commands=commands):
                 self._run_to(tick)
                 self._commands = commands
@@ -204,7 +206,7 @@ class _Again:
 
     @property
     def contact_forces(self) -> dict[str, ContactForces]:
-        """Of the latest tick."""
+        """Contact forces of the latest tick."""
         return self._simulation.world.contact_forces
 
     def frame(self, tick: int) -> Frame:
@@ -248,17 +250,17 @@ class _Again:
     def _loaded(self) -> Iterator[ScenarioRecord]:
         """The scenarios that were loaded, in order: each follows its request."""
         is_next = False
-        for _, item in self._recording.records_of(records.REQUESTS, records.SCENARIO):
-            if isinstance(item, RequestRecord):
-                is_next = isinstance(item.request, LoadScenario)
-            elif is_next and isinstance(item, ScenarioRecord):
-                yield item
+        for _, record in self._recording.records_of(records.REQUESTS, records.SCENARIO):
+            if isinstance(record, RequestRecord):
+                is_next = isinstance(record.request, LoadScenario)
+            elif is_next and isinstance(record, ScenarioRecord):
+                yield record
 
 
 def first_difference(recorded: Frame, simulated: Frame, time: float) -> Difference | None:
     """The first signal of two Frames that differs; images are not compared."""
-    for path, one, other in _differences(recorded, simulated, ""):
-        return Difference(time, recorded.tick, path, one, other)
+    for path, recorded_value, simulated_value in _differences(recorded, simulated, ""):
+        return Difference(time, recorded.tick, path, recorded_value, simulated_value)
     return None
 
 
@@ -286,7 +288,7 @@ def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """Without the types that do not matter: a number of numpy, a dictionary with errors of its own."""
+    """A value without the types that do not matter: a number of numpy, a dictionary with errors of its own."""
     if isinstance(value, dict):
         return dict(value)
     return value.item() if isinstance(value, np.generic) else value
@@ -308,6 +310,8 @@ def _short(value: Any) -> Any:
 def _other_versions(recording: Recording) -> str:
     """Versions in which the recording and this installation differ."""
     here = about_here()
-    of = recording.about
+    versions = recording.about
     names = ("version", "engine", "numpy", "python", "platform")
-    return ", ".join(f"{name} {of[name]} (here {here[name]})" for name in names if of.get(name, "") != here[name])
+    return ", ".join(
+        f"{name} {versions[name]} (here {here[name]})" for name in names if versions.get(name, "") != here[name]
+    )

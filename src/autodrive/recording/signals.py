@@ -15,7 +15,7 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
 
 
-class Messages(Protocol):
+class MessageSource(Protocol):
     """The part of a Recording that is used here."""
 
     @property
@@ -24,12 +24,12 @@ class Messages(Protocol):
         ...
 
     @property
-    def scan_message(self) -> wire.Message:
+    def scan_message(self) -> wire.WireMessage:
         """The message of a scan."""
         ...
 
     @property
-    def own_message(self) -> wire.Message:
+    def own_message(self) -> wire.WireMessage:
         """The message of a reading of a sensor of the user."""
         ...
 
@@ -42,10 +42,10 @@ class Messages(Protocol):
         ...
 
     def log_times(self, topic: str) -> NDArray[np.float64]:
-        """Their times [s]."""
+        """Times of the messages of a topic [s]."""
         ...
 
-    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.McapMessage]]]:
         """Messages by topic, for each part of the file from a time to another [s]."""
         ...
 
@@ -57,7 +57,7 @@ class Signals(Mapping[str, NDArray[Any]]):
     ('V1/own/radar') its samples. A missing reading is NaN.
     """
 
-    def __init__(self, recording: Messages, states: records.States) -> None:
+    def __init__(self, recording: MessageSource, states: records.States) -> None:
         self._recording = recording
         self._states = states
         self._cache: dict[str, NDArray[Any]] = {}
@@ -87,7 +87,7 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def at_frames(self, name: str) -> NDArray[np.float64]:
         """The values of a sensor of the user in each Frame, shape (n_frame, n_column); NaN without a reading."""
-        vehicle, signal = self._found(name)
+        vehicle, signal = self._vehicle_and_signal(name)
         state = records.state_topic(vehicle)
         (shown,) = self._states.vehicle.columns([["own"]], self._messages(state))
         (times,) = self._message(name).columns([["time"]], self._messages(self._topic(name)))
@@ -108,51 +108,51 @@ class Signals(Mapping[str, NDArray[Any]]):
         for name in names:
             topics.setdefault(self._topic(name), {})[name] = self._path(name)
         for messages in self._recording.blocks(topics, start, end):
-            for topic, of in messages.items():
-                times = np.array([one.log_time for one in of]) / NANOSECONDS
+            for topic, of_topic in messages.items():
+                times = np.array([message.log_time for message in of_topic]) / NANOSECONDS
                 message = self._message(next(iter(topics[topic])))
-                columns = message.columns(list(topics[topic].values()), [one.data for one in of])
+                columns = message.columns(list(topics[topic].values()), [message.data for message in of_topic])
                 for name, column in zip(topics[topic], columns, strict=True):
                     for places, values in _arrays(column):
                         yield {name: (times[places], values)}
 
     def _topic(self, name: str) -> str:
-        vehicle, signal = self._found(name)
+        vehicle, signal = self._vehicle_and_signal(name)
         if isinstance(signal, OwnSignal):
             return records.own_topic(vehicle, signal.name.removeprefix("own."))
         return records.scan_topic(vehicle) if signal.name.startswith("lidar.") else records.state_topic(vehicle)
 
-    def _found(self, name: str) -> tuple[str, Signal]:
+    def _vehicle_and_signal(self, name: str) -> tuple[str, Signal]:
         if name not in self.described:
             raise RecordingError(f"signal '{name}' is not known. {suggest(name, list(self.described))}")
         return name.partition("/")[0], self.described[name]
 
     def _read(self, name: str) -> NDArray[Any]:
-        _, signal = self._found(name)
-        (found,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
-        if signal.dtype.kind == "f" or any(one is None for one in found):
-            shape: tuple[int, ...] = next((np.shape(one) for one in found if one is not None), ())
-            filled = [np.full(shape, np.nan) if one is None else one for one in found]
-            if len({np.shape(one) for one in filled}) > 1:
+        _, signal = self._vehicle_and_signal(name)
+        (values,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
+        if signal.dtype.kind == "f" or any(value is None for value in values):
+            shape: tuple[int, ...] = next((np.shape(value) for value in values if value is not None), ())
+            filled = [np.full(shape, np.nan) if value is None else value for value in values]
+            if len({np.shape(value) for value in filled}) > 1:
                 raise RecordingError(f"signal '{name}' changes its size in the recording; read it from the Frames")
             return np.array(filled, np.float64)
-        return np.array(found, signal.dtype)
+        return np.array(values, signal.dtype)
 
     def _messages(self, topic: str) -> list[bytes]:
         if topic not in self._data:
             self._data[topic] = self._recording.messages_of(topic)
         return self._data[topic]
 
-    def _message(self, name: str) -> wire.Message:
+    def _message(self, name: str) -> wire.WireMessage:
         """The message that contains a signal."""
-        signal = self._found(name)[1]
+        signal = self._vehicle_and_signal(name)[1]
         if isinstance(signal, OwnSignal):
             return self._recording.own_message
         return self._recording.scan_message if signal.name.startswith("lidar.") else self._states.vehicle
 
     def _path(self, name: str) -> list[str]:
         """Fields of the message, down to a signal."""
-        signal = self._found(name)[1]
+        signal = self._vehicle_and_signal(name)[1]
         return ["values"] if isinstance(signal, OwnSignal) else signal.name.removeprefix("lidar.").split(".")
 
 
@@ -162,5 +162,5 @@ def _arrays(values: Sequence[Any]) -> Iterator[tuple[list[int], NDArray[Any]]]:
     for i, value in enumerate(values):
         if value is not None:
             places.setdefault(np.shape(value), []).append(i)
-    for found in places.values():
-        yield found, np.array([values[i] for i in found])
+    for rows in places.values():
+        yield rows, np.array([values[i] for i in rows])

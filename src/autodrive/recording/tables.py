@@ -22,21 +22,21 @@ def columns(signals: Signals, vehicle: str) -> dict[str, NDArray[Any]]:
     Without scans, whose times are others, and without signals that the vehicle does not have. A sensor of the user has
     its latest reading in each row.
     """
-    found: dict[str, NDArray[Any]] = {}
+    table: dict[str, NDArray[Any]] = {}
     for name, signal in signals.described.items():
         if not name.startswith(f"{vehicle}/") or signal.size or signal.name.startswith("lidar."):
             continue
         values = signals[name]
-        if not found:
-            found["time"] = signals.times(name)
+        if not table:
+            table["time"] = signals.times(name)
         if values.dtype.kind == "f" and not np.any(~np.isnan(values)) and signal.is_optional:
             continue
         rows = signals.at_frames(name) if isinstance(signal, OwnSignal) else values.reshape(len(values), -1)
         for i, column in enumerate(signal.columns):
-            found[column] = rows[:, min(i, rows.shape[1] - 1)]
-    if not found:
+            table[column] = rows[:, min(i, rows.shape[1] - 1)]
+    if not table:
         raise RecordingError(f"vehicle '{vehicle}' is not in the recording")
-    return found
+    return table
 
 
 def table(signals: Signals, vehicle: str, library: Library) -> Any:

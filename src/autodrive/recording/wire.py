@@ -63,7 +63,7 @@ class Field:
     is_repeated: bool = False
     is_map: bool = False
     is_optional: bool = False
-    message: Message | None = None
+    message: WireMessage | None = None
     enum: type[enum.IntEnum] | None = None
 
     @property
@@ -72,7 +72,7 @@ class Field:
         return not self.is_repeated and (self.is_optional or self.message is not None)
 
 
-class Message:
+class WireMessage:
     """The Protocol Buffers message of a struct. Field numbers are the order of the fields, from 1.
 
     `name`: that of the schema. `replaced`: other types of fields, by name. `schemas`: those of a file that is read; a
@@ -95,26 +95,26 @@ class Message:
         hints = get_type_hints(kind, include_extras=True) | dict(replaced or {})
         known = PUBLISHED.get(self.name, {})
         self.fields = [
-            _field(one.name, known.get(one.name, number), hints[one.name], _default(one))
-            for number, one in enumerate(msgspec.structs.fields(kind), 1)
+            _field(field.name, known.get(field.name, number), hints[field.name], _default(field))
+            for number, field in enumerate(msgspec.structs.fields(kind), 1)
         ]
-        self.by_name = {one.name: one for one in self.fields}
-        self._writers = [(one.name, one.write) for one in self.fields]
+        self.by_name = {field.name: field for field in self.fields}
+        self._writers = [(field.name, field.write) for field in self.fields]
 
-    def encode(self, value: Any, given: Mapping[str, Any] | None = None) -> bytes:
-        """The message of a struct, or of any object with these attributes; `given` replaces attributes."""
-        given = given or {}
+    def encode(self, value: Any, replacing: Mapping[str, Any] | None = None) -> bytes:
+        """The message of a struct, or of any object with these attributes; values of `replacing` replace attributes."""
+        replacing = replacing or {}
         try:
-            return self._encoded(value, given)
+            return self._encoded(value, replacing)
         except UnicodeEncodeError:
-            return self._encoded(with_encodable_texts(value), with_encodable_texts(given))
+            return self._encoded(with_encodable_texts(value), with_encodable_texts(replacing))
 
-    def _encoded(self, value: Any, given: Mapping[str, Any]) -> bytes:
+    def _encoded(self, value: Any, replacing: Mapping[str, Any]) -> bytes:
         message = self._class()
         for name, write in self._writers:
-            of = given[name] if name in given else getattr(value, name)
-            if of is not None:
-                write(message, of)
+            content = replacing[name] if name in replacing else getattr(value, name)
+            if content is not None:
+                write(message, content)
         return message.SerializeToString()
 
     def decode(self, data: bytes) -> dict[str, Any]:
@@ -129,7 +129,7 @@ class Message:
         return self._parsed([data], self.read)[0]
 
     def columns(self, paths: Sequence[Sequence[str]], messages: Sequence[bytes]) -> list[list[Any]]:
-        """For each path of fields, its value in each message; None where it is missing. Raises `RecordingError`."""
+        """Values of each path of fields, one for each message; None where it is missing. Raises `RecordingError`."""
         rows = self._parsed(messages, lambda message: [self._value(path, message) for path in paths])
         return [list(column) for column in zip(*rows, strict=True)] or [[] for _ in paths]
 
@@ -139,7 +139,7 @@ class Message:
         if (size := max(map(len, messages), default=0)) > self._max_size:
             raise RecordingError(f"a message '{self.name}' has {size} bytes; at most {self._max_size} are read")
         try:
-            return [read(parse(one)) for one in messages]
+            return [read(parse(message)) for message in messages]
         except (DecodeError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise RecordingError(f"a message '{self.name}' is damaged: {error}") from None
 
@@ -148,14 +148,17 @@ class Message:
     def write(self, message: Any, value: Any) -> None:
         """Write the fields of a struct into a message."""
         for name, write in self._writers:
-            of = getattr(value, name)
-            if of is not None:
-                write(message, of)
+            content = getattr(value, name)
+            if content is not None:
+                write(message, content)
 
     def values(self, message: Any) -> dict[str, Any]:
         """The values of the fields of a message."""
         known = message.DESCRIPTOR.fields_by_name
-        return {one.name: _read(one, message) if one.name in known else _copied(one.default) for one in self.fields}
+        return {
+            field.name: _read(field, message) if field.name in known else _copied(field.default)
+            for field in self.fields
+        }
 
     def read(self, message: Any) -> Any:
         """The struct of a message. Raises `TypeError`."""
@@ -180,11 +183,11 @@ class Message:
         if self.name not in self._schemas:
             return message_factory.GetMessageClass(own)
         try:
-            found = self._schemas[self.name].FindMessageTypeByName(self.name)
+            foreign = self._schemas[self.name].FindMessageTypeByName(self.name)
         except KeyError:
             raise RecordingError(f"the schema of '{self.name}' is damaged: it does not describe it") from None
-        _check_types(found, own, set())
-        return message_factory.GetMessageClass(found)
+        _check_types(foreign, own, set())
+        return message_factory.GetMessageClass(foreign)
 
 
 # -- schemas -------------------------------------------------------------------------------------------------------
@@ -204,39 +207,39 @@ def pool_of(schema: bytes) -> Any:
     return pool
 
 
-def _check_types(found: Any, own: Any, seen: set[str]) -> None:
+def _check_types(foreign: Any, own: Any, seen: set[str]) -> None:
     """Raises `RecordingError` if a field of a message of a file has another type than here."""
     if own.full_name in seen:
         return
     seen.add(own.full_name)
-    theirs, ours = _types(found), _types(own)
-    for name in theirs.keys() & ours.keys():
-        if theirs[name] != ours[name]:
+    foreign_types, own_types = _types(foreign), _types(own)
+    for name in foreign_types.keys() & own_types.keys():
+        if foreign_types[name] != own_types[name]:
             raise RecordingError(f"in the file, the field '{name}' of '{own.full_name}' has another type than here")
         inner = own.fields_by_name[name].message_type
         if inner is not None:
-            _check_types(found.fields_by_name[name].message_type, inner, seen)
+            _check_types(foreign.fields_by_name[name].message_type, inner, seen)
 
 
-def _types(of: Any) -> dict[str, tuple[int, bool]]:
+def _types(descriptor: Any) -> dict[str, tuple[int, bool]]:
     """Type of each field of a message, and whether it is repeated."""
     described = descriptor_pb2.DescriptorProto()
-    of.CopyToProto(described)
-    return {one.name: (one.type, one.label == one.LABEL_REPEATED) for one in described.field}
+    descriptor.CopyToProto(described)
+    return {field.name: (field.type, field.label == field.LABEL_REPEATED) for field in described.field}
 
 
-def descriptor(message: Message) -> bytes:
+def descriptor(message: WireMessage) -> bytes:
     """The schema of a message: a serialized `google.protobuf.FileDescriptorSet` with all messages that it contains."""
     files: dict[str, Any] = {}
     _describe(message, files, set())
     for package, file in files.items():
-        file.dependency.extend(files[one].name for one in _IMPORTS.get(package, ()) if one in files)
+        file.dependency.extend(files[imported].name for imported in _IMPORTS.get(package, ()) if imported in files)
     order = ["google.protobuf", "autodrive", "foxglove"]
     ordered = [files[package] for package in sorted(files, key=order.index)]
     return descriptor_pb2.FileDescriptorSet(file=ordered).SerializeToString()
 
 
-def _describe(message: Message, files: dict[str, Any], seen: set[str]) -> None:
+def _describe(message: WireMessage, files: dict[str, Any], seen: set[str]) -> None:
     """Add a message, and those that it contains, to the file of its package."""
     package, _, name = message.name.rpartition(".")
     if message.name in seen:
@@ -262,8 +265,8 @@ def _describe_field(described: Any, field: Field, parent: str, files: dict[str, 
         entry = described.nested_type.add(name="".join(part.capitalize() for part in field.name.split("_")) + "Entry")
         entry.options.map_entry = True
         added.type_name = f"{parent}.{entry.name}"
-        for one in field.message.fields:
-            _describe_field(entry, one, added.type_name, files, seen)
+        for inner_field in field.message.fields:
+            _describe_field(entry, inner_field, added.type_name, files, seen)
     elif field.message is not None:
         _describe(field.message, files, seen)
         added.type_name = f".{field.message.name}"
@@ -272,8 +275,8 @@ def _describe_field(described: Any, field: Field, parent: str, files: dict[str, 
         if added.type_name not in seen:
             seen.add(added.type_name)
             values = _file("autodrive", files).enum_type.add(name=field.enum.__name__).value
-            for one in field.enum:
-                values.add(name=f"{field.enum.__name__.upper()}_{one.name}", number=int(one))
+            for inner_field in field.enum:
+                values.add(name=f"{field.enum.__name__.upper()}_{inner_field.name}", number=int(inner_field))
     if field.has_presence and field.message is None:
         added.proto3_optional, added.oneof_index = True, len(described.oneof_decl)
         described.oneof_decl.add(name=f"_{field.name}")
@@ -293,10 +296,10 @@ def _file(package: str, files: dict[str, Any]) -> Any:
 def _field(name: str, number: int, hint: Any, default: Any) -> Field:
     is_optional = get_origin(hint) in {Union, types.UnionType} and type(None) in get_args(hint)
     if is_optional:
-        (hint,) = (one for one in get_args(hint) if one is not type(None))
+        (hint,) = (argument for argument in get_args(hint) if argument is not type(None))
         default = None if default is msgspec.NODEFAULT else default
     if get_origin(hint) is Annotated:
-        integers = [one for one in get_args(hint)[1:] if isinstance(one, WireInteger)]
+        integers = [argument for argument in get_args(hint)[1:] if isinstance(argument, WireInteger)]
         hint = integers[0] if integers else get_args(hint)[0]
 
     def field(type_: str, write: Callable[[Any, Any], None], read: Callable[[Any], Any], **more: Any) -> Field:
@@ -316,7 +319,7 @@ def _field(name: str, number: int, hint: Any, default: Any) -> Field:
         kind = hint
         return field("TYPE_ENUM", set_, lambda message: kind(get(message)), enum=kind)
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
-        inner = Message(hint)
+        inner = WireMessage(hint)
 
         def write_struct(message: Any, value: Any) -> None:
             part = getattr(message, name)
@@ -350,34 +353,34 @@ def _array(field: Callable[..., Field], name: str, dtype: np.dtype[Any]) -> Fiel
 def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is dict:
-        entry = Message.__new__(Message)
+        entry = WireMessage.__new__(WireMessage)
         entry.fields = [_field("key", 1, str, ""), _field("value", 2, arguments[1], None)]
         value = entry.fields[1]
 
-        def write_map(message: Any, of: Mapping[str, Any]) -> None:
+        def write_map(message: Any, content_by_key: Mapping[str, Any]) -> None:
             add = getattr(message, name).add
-            for one, content in of.items():
-                value.write(add(key=one), content)
+            for key, content in content_by_key.items():
+                value.write(add(key=key), content)
 
         def read_map(message: Any) -> dict[str, Any]:
             return {part.key: value.read(part) for part in _few(getattr(message, name))}
 
         return field("TYPE_MESSAGE", write_map, read_map, is_repeated=True, is_map=True, message=entry)
-    element: Any = arguments[0] if arguments else float
+    kind_of_value: Any = arguments[0] if arguments else float
     kind = tuple if origin is tuple else list
-    if element in _SCALARS and all(one in (element, Ellipsis) for one in arguments):
+    if kind_of_value in _SCALARS and all(argument in (kind_of_value, Ellipsis) for argument in arguments):
         return field(
-            _SCALARS[element],
-            lambda message, of: getattr(message, name).extend(of),
-            lambda message: kind(_few(getattr(message, name), element)),
+            _SCALARS[kind_of_value],
+            lambda message, values: getattr(message, name).extend(values),
+            lambda message: kind(_few(getattr(message, name), kind_of_value)),
             is_repeated=True,
         )
-    if isinstance(element, type) and issubclass(element, msgspec.Struct):
-        inner = Message(element)
+    if isinstance(kind_of_value, type) and issubclass(kind_of_value, msgspec.Struct):
+        inner = WireMessage(kind_of_value)
 
-        def write_all(message: Any, of: Sequence[Any]) -> None:
-            for one in of:
-                inner.write(getattr(message, name).add(), one)
+        def write_all(message: Any, values: Sequence[Any]) -> None:
+            for value in values:
+                inner.write(getattr(message, name).add(), value)
 
         return field(
             "TYPE_MESSAGE",

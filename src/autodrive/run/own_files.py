@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from autodrive.world import World
 
 MAX_FILES = 1000
-"""In a folder."""
+"""Most files of a folder."""
 NAME = re.compile(r"[^\W_][\w -]{0,59}")
-"""Of a file, without its ending."""
+"""Name of a file, without its ending."""
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 """Names of devices of Windows."""
 KEY = re.compile(r"^(\w+)\s*:[ \t]*(.*)$", re.MULTILINE)
@@ -53,10 +53,10 @@ class UserFiles(OwnFiles):
         """A scenario is loaded from its file; one that a client sends has a file of its own until the next one."""
         name, text = operation.name, operation.text
         if text:
-            found = Source(text, f"the text of '{name}'")
-            if not _is_scenario(found.tree):
+            opened = Source(text, f"the text of '{name}'")
+            if not _is_scenario(opened.tree):
                 return UseMap(text=text)
-            check_names(checked_source(found, ScenarioSpec), world.specs)
+            check_names(checked_source(opened, ScenarioSpec), world.specs)
             return LoadScenario(str(self._written(name, text)))
         paths = self._paths()
         if name not in paths:
@@ -64,10 +64,10 @@ class UserFiles(OwnFiles):
             is_link = Path(name).name == name and os.path.islink(self._folder / name)
             problem = "is a link to a place outside of" if is_link else "is not in"
             raise AutodriveError(f"'{name}' {problem} the folder '{self.folder}'. {suggest(name, list(paths))}")
-        found = source(paths[name])
-        if _is_scenario(found.tree):
+        opened = source(paths[name])
+        if _is_scenario(opened.tree):
             return LoadScenario(str(paths[name]))
-        return UseMap(text=found.text, modules=self._modules(found.tree))
+        return UseMap(text=opened.text, modules=self._modules(opened.tree))
 
     def _modules(self, map_: Any) -> dict[str, str]:
         """Texts of the own modules of a map by their names; no file outside of the folder is read."""
@@ -114,8 +114,8 @@ class UserFiles(OwnFiles):
         folder = self._folder.resolve()
         try:
             files = (path for path in self._folder.iterdir() if is_yaml(path) and path.is_file())
-            found = (path for path in files if path.resolve().is_relative_to(folder))
-            return {encodable(path.name): path for path in sorted(itertools.islice(found, MAX_FILES))}
+            own = (path for path in files if path.resolve().is_relative_to(folder))
+            return {encodable(path.name): path for path in sorted(itertools.islice(own, MAX_FILES))}
         except OSError as error:
             raise AutodriveError(f"the folder '{self.folder}' cannot be read: {error.strerror or error}") from None
 
@@ -131,7 +131,7 @@ class UserFiles(OwnFiles):
 
 
 def _described(path: Path) -> OwnFile:
-    """Without parsing, so that many large files are listed quickly."""
+    """The description of a file, without parsing it, so that many large files are listed quickly."""
     try:
         with readable(path).open(encoding="utf-8", errors="replace") as file:
             keys = dict(KEY.findall(file.read(MAX_BYTES)))
@@ -145,7 +145,7 @@ def _own_modules(map_: Any) -> list[str]:
     """Names of files of modules in the values of a map's file, which may be anything."""
     placements = map_.get("placements") if isinstance(map_, dict) else None
     entries = placements if isinstance(placements, list) else []
-    names = [one.get("module") for one in entries if isinstance(one, dict)]
+    names = [entry.get("module") for entry in entries if isinstance(entry, dict)]
     return [*dict.fromkeys(name for name in names if isinstance(name, str) and is_yaml(name))]
 
 

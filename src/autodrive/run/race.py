@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from autodrive.base.cache import check_writable, make_folder
-from autodrive.base.code_snapshot import Code, Snapshot
+from autodrive.base.code_snapshot import Code, CodeSnapshot
 from autodrive.base.errors import AutodriveError
-from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.pace import MAX_SPEED, MIN_SPEED, TickPace
 from autodrive.base.python_files import script_files
 from autodrive.base.suggest import suggesting
 from autodrive.base.tcp import address_text
@@ -115,7 +115,7 @@ class RaceOptions(PageOptions):
 
     @property
     def team_names(self) -> list[str]:
-        """One for each vehicle."""
+        """Names of the teams, one for each vehicle."""
         own = [*(address_text(host, port) for host, port in self.devkits), *self.scripts]
         return [*self.teams, *own[len(self.teams) :]]
 
@@ -142,7 +142,7 @@ class RaceOptions(PageOptions):
 
 
 @dataclass
-class Grid:
+class RaceScripts:
     """The scripts of a race in progress."""
 
     simulation: Simulation
@@ -210,7 +210,7 @@ class Grid:
             self.retire(seat, reason)
 
     def retire_the_silent(self) -> None:
-        """In real time: take the scripts out that have sent no command for too long."""
+        """Take the scripts out that have sent no command for too long, in real time."""
         if self.simulation.is_paused:  # by a marshal: the scripts have nothing to answer
             for seat in self.seats:
                 seat.answered_at = time.monotonic()
@@ -236,7 +236,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
         scenario = folder / f"race_{Path(options.track).stem}.yaml"
         scenario.write_text(scenario_text(options.scenario()), encoding="utf-8")
         scripts = _scripts(options, stack)
-        grids: list[Grid] = []
+        grids: list[RaceScripts] = []
 
         def make_grid(simulation: Simulation, encoder: JpegEncoder | None) -> tuple[Sequence[DevkitBridge], Refusal]:
             grids.append(_grid(simulation, options, [*scripts.values()], encoder))
@@ -279,7 +279,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
 
 
 def _drive(
-    grid: Grid,
+    grid: RaceScripts,
     recorder: RaceRecorder,
     options: RaceOptions,
     stop: StopRequest,
@@ -295,7 +295,7 @@ def _drive(
             simulation.add_sink(seat)
         simulation.request(Resume()).result()
     grid.is_started = True
-    pace = Pace(TICK, options.pace)
+    pace = TickPace(TICK, options.pace)
     pace.restart(seen)
     while not recorder.is_over and not stop.is_set():
         if options.is_lockstep:
@@ -358,7 +358,7 @@ class _Script(ScriptProcess):
     def __init__(self, command: str, output: IO[bytes]) -> None:
         """What it prints goes to `output`. Raises `AutodriveError` if it cannot be started."""
         self.code = Code.read(script_files(command, Path.cwd()), Path.cwd())
-        self._snapshot = Snapshot(self.code)
+        self._snapshot = CodeSnapshot(self.code)
         self._printed = output
         try:
             with self._snapshot.workplace.entered():
@@ -398,7 +398,7 @@ def _scripts(options: RaceOptions, stack: ExitStack) -> dict[str, _Script]:
 
 def _grid(
     simulation: Simulation, options: RaceOptions, scripts: Sequence[ScriptProcess], encoder: JpegEncoder | None
-) -> Grid:
+) -> RaceScripts:
     """The scripts at their vehicles; their bridges are not started yet."""
     assert simulation.world.race is not None
     rules = simulation.world.race.rules
@@ -421,10 +421,10 @@ def _grid(
                 resend_delay=resend_delay,
             )
         )
-    return Grid(simulation, rules, seats, options.is_lockstep, bridges)
+    return RaceScripts(simulation, rules, seats, options.is_lockstep, bridges)
 
 
-def _notes(grid: Grid, scripts: Mapping[str, _Script]) -> dict[str, str]:
+def _notes(grid: RaceScripts, scripts: Mapping[str, _Script]) -> dict[str, str]:
     """What is to be known about the scripts, by vehicle."""
     unknown = {name: OPAQUE.format(places) for name, script in scripts.items() if (places := script.code.opaque)}
     names = [seat.vehicle for seat in grid.seats]
@@ -437,5 +437,5 @@ def _digests(simulation: Simulation, scripts: Mapping[str, _Script]) -> dict[str
     specs = simulation.world.specs
     assert specs.rules is not None
     files = {"track": specs.map, "rules": specs.rules}
-    digests = {name: hashlib.sha256(one.text.encode()).hexdigest() for name, one in files.items()}
+    digests = {name: hashlib.sha256(file.text.encode()).hexdigest() for name, file in files.items()}
     return {**digests, **{name: script.code.digest for name, script in scripts.items()}}

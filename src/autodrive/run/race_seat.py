@@ -81,13 +81,13 @@ class Seat(OneVehicle):
         """How the script has ended, if the race has started it; empty while it runs."""
         return self._process.end if self._process is not None else ""
 
-    def forbid(self, request: Operation, what: str) -> object:
+    def forbid(self, request: Operation, request_text: str) -> object:
         """Do what the rules say. Raises `CommandError`."""
         if self._rules.on_reset == "disqualify":
-            self._simulation.request(Retire(self.vehicle, f"its script requested {what}", is_disqualified=True))
+            self._simulation.request(Retire(self.vehicle, f"its script requested {request_text}", is_disqualified=True))
         elif self._rules.on_reset == "allow" and isinstance(request, Reset):
             return self._simulation.request(request)
-        raise CommandError(f"{what} is not allowed in this race")
+        raise CommandError(f"{request_text} is not allowed in this race")
 
 
 def permitted(vehicle: VehicleFrame, rules: RaceRules) -> VehicleFrame:

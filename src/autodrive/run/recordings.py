@@ -128,8 +128,8 @@ def _size(path: Path) -> int:
 
 def _free_path(path: Path) -> Path:
     """The path, with a number if that file exists."""
-    found, number = path, 1
-    while found.exists():
+    free, number = path, 1
+    while free.exists():
         number += 1
-        found = path.with_stem(f"{path.stem}-{number}")
-    return found
+        free = path.with_stem(f"{path.stem}-{number}")
+    return free

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from autodrive.connect.server.served import Served
-    from autodrive.connect.server.server import Server
+    from autodrive.connect.server.server import SimulationServer
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import Images, ImageSizes
     from autodrive.protocol.messages import Frame
@@ -79,7 +79,7 @@ class Run:
     odometer: Odometer
     bridge: DevkitBridge
     encoder: JpegEncoder | None
-    server: Server | None = None
+    server: SimulationServer | None = None
     recorder: Recorder | None = None
 
     @property
@@ -230,12 +230,12 @@ def opened(
         server.serve(_served(run, recordings, refusal))
         run.server = server
         stack.callback(server.close)  # before the simulation ends
-    for one in bridges:
-        stack.callback(one.close)
+    for bridge in bridges:
+        stack.callback(bridge.close)
     return run
 
 
-def _told(observer: RunObserver, server: Server | None) -> Callable[[str], None]:
+def _told(observer: RunObserver, server: SimulationServer | None) -> Callable[[str], None]:
     """Tells both the name of a function that is compiled."""
     numbers = count(1)
 
@@ -309,11 +309,11 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def _page_server(options: RunOptions) -> Server:
+def _page_server(options: RunOptions) -> SimulationServer:
     """The server of the page and of the native protocol, which is not started yet and serves no simulation."""
-    from autodrive.connect.server.server import Server
+    from autodrive.connect.server.server import SimulationServer
 
-    server = Server(None, options, page=built_page())
+    server = SimulationServer(None, options, page=built_page())
     server.starting = Starting("loading the world")
     return server
 

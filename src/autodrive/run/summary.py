@@ -124,13 +124,13 @@ class Summary:
     late_ticks: int
     vehicles: dict[str, VehicleSummary]
     cameras: CamerasSummary | None
-    """None if no camera images were enabled."""
+    """Images of the cameras; None if no camera images were enabled."""
     bridge: BridgeSummary | None
-    """None if the devkit bridge was never used."""
+    """Messages of the devkit bridge; None if it was never used."""
     page: PageSummary | None
-    """None if no page was served."""
+    """The page; None if no page was served."""
     recording: RecordingSummary | None = None
-    """None if the run was not recorded."""
+    """The recording; None if the run was not recorded."""
 
     def to_json(self) -> str:
         """The text of the summary file."""

@@ -22,7 +22,7 @@ from autodrive.experiments.envs.settings import EnvSettings
 from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
 from autodrive.experiments.envs.task import CarReadings, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.experiments.policies.racer import PolicyRacers
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from autodrive.experiments.policies.policy import Policy
 
 TICKS = 5
-"""Of an action."""
+"""Ticks of an action."""
 STEPS = {"crossing": 600, "duel": 4800}
-"""Of an episode."""
+"""Most steps of an episode, by task."""
 TRACKS, TRACK_SEED = 8, 1000
 """Random tracks of a duel of policies; none of them is trained on."""
 
@@ -51,13 +51,13 @@ class Team(NamedTuple):
 
 
 class Results(NamedTuple):
-    """Of some episodes; each of shape (episodes, cars)."""
+    """Results of some episodes; each array has the shape (episodes, cars)."""
 
     is_success: Bools
     has_collided: Bools
     """Whether the car touched something before its episode ended."""
     is_at_fault: Bools
-    """Likewise, unless that was a car behind it on the track."""
+    """Whether the car has collided, unless that was a car behind it on the track."""
 
 
 def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
@@ -74,10 +74,10 @@ def learnt_team(policy: Policy) -> Team:
     if policy.task != Crossing.name:
         raise SpecError([f"the policy was trained for '{policy.task}', not for '{Crossing.name}'"])
     task = Crossing(TICKS)
-    names = [one.name for one in observed(task, "state")]
+    names = [feature.name for feature in observed(task, "state")]
 
     def start(count: int) -> Act:
-        drivers = Drivers(policy, names, count)
+        drivers = PolicyDrivers(policy, names, count)
         return lambda observations, _: drivers.act(observations)
 
     return Team(task, start)
@@ -93,7 +93,7 @@ def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_n
             raise SpecError([f"the policy was trained for '{policy.task}', not for a race"])
 
     def start(count: int) -> Act:
-        racers = [one if callable(one) else PolicyRacers(one, count // 2).act for one in (first, second)]
+        racers = [driver if callable(driver) else PolicyRacers(driver, count // 2).act for driver in (first, second)]
 
         def act(observations: NDArray[np.float32], cars: CarReadings) -> Floats:
             commands = np.empty((count, 2))
@@ -113,15 +113,15 @@ def program(file: Path) -> Act:
     It gets ranges [m] and angles [rad] of a scan, from right to left, and returns throttle and steering. Raises
     `SpecError` if there is no such function.
     """
-    found = runpy.run_path(str(file)).get("command") if file.is_file() else None
-    if not callable(found):
+    command = runpy.run_path(str(file)).get("command") if file.is_file() else None
+    if not callable(command):
         raise SpecError([f"{file}: there is no such file with a function command(ranges, angles)"])
     angles = np.radians(np.linspace(-135.0, 135.0, 1080))
-    return lambda _, cars: np.array([found(ranges, angles) for ranges in cars.lidar_ranges])
+    return lambda _, cars: np.array([command(ranges, angles) for ranges in cars.lidar_ranges])
 
 
 def drive(team: Team, episodes: int, seed: int = 0) -> Results:
-    """So many episodes with the seeds `seed`, `seed` + 1, ..."""
+    """The results of that many episodes with the seeds `seed`, `seed` + 1, ..."""
     task = team.task
     cars = len(task.scenario.vehicles)
     steps = STEPS[task.name]
@@ -149,7 +149,7 @@ def show(
     port: int | None = None,
     is_real_time: bool = True,
 ) -> Results:
-    """Likewise, one episode after the other, with the page, on that port; `episodes` None: until Ctrl-C.
+    """Drive one episode after the other with the page, on that port; `episodes` None: until Ctrl-C.
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
@@ -165,13 +165,13 @@ def show(
 
 
 def summary(team: Team, results: Results) -> str:
-    """Of all episodes, for people."""
+    """The results of all episodes in words, for people."""
     count, cars = results.is_success.shape
     number = f"{count} episode{'s' * (count > 1)}"
     if not _is_own_duel(team.task):
         share, whole = results.is_success.mean(), results.is_success.all(axis=1).mean()
         return f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
-    columns = zip(team.task.scenario.vehicles, *(one.mean(axis=0) for one in results), strict=True)
+    columns = zip(team.task.scenario.vehicles, *(result.mean(axis=0) for result in results), strict=True)
     return f"{number}: " + "; ".join(
         f"{name} won {won:.1%}, collided in {hit:.1%}, by its own fault in {fault:.1%}"
         for name, won, hit, fault in columns
@@ -220,9 +220,9 @@ class _Tally:
         self.is_over |= ends
 
     def results(self, cars: int) -> Results:
-        """Of all episodes."""
+        """The results of all episodes."""
         columns = self._is_success, self._has_collided, self._has_collided & ~self._is_hit
-        return Results(*(one.reshape(-1, cars) for one in columns))
+        return Results(*(column.reshape(-1, cars) for column in columns))
 
 
 def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:

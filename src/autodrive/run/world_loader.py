@@ -95,7 +95,7 @@ class WorldLoader:
 
         def refusal(path: Path) -> str:
             real = Path(os.path.realpath(path))
-            is_inside = any(real.is_relative_to(os.path.realpath(one)) for one in (PACKAGE, folder) if one)
+            is_inside = any(real.is_relative_to(os.path.realpath(allowed)) for allowed in (PACKAGE, folder) if allowed)
             if is_inside or str(real) in self._read_at_start or path == Path(name):
                 return ""
             problem = f"'{path.name}' is no file of the scenario that the simulator was started with"
@@ -110,7 +110,7 @@ class WorldLoader:
         simulation.add_sink(self)
 
     def _begin(self, world: World) -> None:
-        """That world is the current one; the count of ticks and images goes on after an edit."""
+        """Make a world the current one; the count of ticks and images goes on after an edit."""
         self.scenario, self.cameras, is_edited = self._made[world]
         self._world = world
         if not is_edited:
@@ -134,7 +134,7 @@ class WorldLoader:
         self._update_cameras()
 
     def render_while_connected(self, bridge: DevkitBridge) -> None:
-        """Also render camera images while that bridge is connected."""
+        """Render camera images also while that bridge is connected."""
         self._bridge = bridge
 
     def publish(self, frame: Frame) -> None:

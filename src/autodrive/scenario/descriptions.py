@@ -21,11 +21,11 @@ class Specs:
     scenario: ScenarioSpec
     map: DescribedMap
     vehicles: Mapping[str, Described[VehicleSpec]]
-    """By type, as in the scenario."""
+    """Files of the vehicles by type, as in the scenario."""
     rules: Described[RaceRules] | None = None
-    """Of the race; None if there is none."""
+    """Rules of the race; None if there is none."""
     track: Described[TrackSpec] | None = None
-    """Of the race, if it is not the map."""
+    """Track of the race, if it is not the map."""
     own_sensors: Mapping[str, Callable[[], Any] | str] = field(default_factory=dict)
     """Classes of the user's sensors, as the scenario names them; a text: why there is none."""
 
@@ -36,6 +36,6 @@ class Descriptions:
 
     specs: Specs
     path: str = ""
-    """Of the scenario; empty: it has no file."""
+    """Path of the scenario; empty: it has no file."""
     lines: Mapping[Key, int] = field(default_factory=dict)
-    """Of the keys in the files 'scenario' and 'map'."""
+    """Lines of the keys in the files 'scenario' and 'map'."""

@@ -54,9 +54,9 @@ def described(
     else:
         map_, lines = read_map(scenario.map, known=known.specs.map.modules if known else {})
     lines |= {("scenario", *key): line for key, line in source.lines.items()} if source else {}
-    types = dict.fromkeys(one.type for one in scenario.vehicles.values())
+    types = dict.fromkeys(placement.type for placement in scenario.vehicles.values())
     types |= {scenario.traffic.type: None} if scenario.traffic.cars else {}
-    race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
+    race = scenario.race or (RaceSpec() if isinstance(map_.spec_or_none, TrackSpec) else None)
     specs = Specs(
         scenario,
         map_,
@@ -73,8 +73,8 @@ def with_own_sensors(specs: Specs) -> Specs:
 
     Those that are there stay: after an edit of a world, its sensors are still those that were loaded with its scenario.
     """
-    named = {one for vehicle in specs.scenario.vehicles.values() for one in vehicle.own_sensors.values()}
-    loaded = {one: specs.own_sensors.get(one) or _own_sensor(one) for one in named}
+    named = {path for vehicle in specs.scenario.vehicles.values() for path in vehicle.own_sensors.values()}
+    loaded = {path: specs.own_sensors.get(path) or _own_sensor(path) for path in named}
     return replace(specs, own_sensors=loaded) if named else specs
 
 
@@ -105,9 +105,9 @@ def read_map(
     lines: dict[Key, int] = {("map", *key): line for key, line in source.lines.items()}
     if is_track(source.tree):
         track = _described(source, TrackSpec, f"track '{path.stem}': ")
-        return DescribedMap(track.name, track.found, track.error, track.path, track.text), lines
+        return DescribedMap(track.name, track.spec_or_none, track.error, track.path, track.text), lines
     map_ = _described(source, MapSpec, f"map '{path.stem}': ")
-    placements = map_.found.placements if map_.found else _placements(source.tree)
+    placements = map_.spec_or_none.placements if map_.spec_or_none else _placements(source.tree)
     return _with_modules(map_, placements), lines
 
 
@@ -133,7 +133,7 @@ def module_of(name: str, text: str) -> Described[ModuleSpec]:
 
 def files_of(specs: Specs) -> dict[str, str]:
     """Texts of map, modules, vehicles and race, by kind and name as the scenario and the map name them."""
-    return {name: one.text for name, one in _files(specs).items()}
+    return {name: file.text for name, file in _files(specs).items()}
 
 
 def check_names(scenario: ScenarioSpec, known: Specs) -> None:
@@ -142,7 +142,7 @@ def check_names(scenario: ScenarioSpec, known: Specs) -> None:
     So a text that a client sends reads no file and runs no code.
     """
     files = {name for key in _files(known) for name in (key, _absolute(key))}
-    sensors = {one for vehicle in known.scenario.vehicles.values() for one in vehicle.own_sensors.values()}
+    sensors = {path for vehicle in known.scenario.vehicles.values() for path in vehicle.own_sensors.values()}
     errors: list[str] = []
 
     def check(kind: str, name: str) -> str:
@@ -202,8 +202,9 @@ def scenario_text(spec: ScenarioSpec) -> str:
     """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
     spec = with_files(spec, lambda _, name: str(Path(name).absolute()) if is_yaml(name) else name)
     vehicles = {
-        name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
-        for name, one in spec.vehicles.items()
+        name: {"type": placement.type, "x": placement.x, "y": placement.y}
+        | placement.model_dump(mode="json", exclude_defaults=True)
+        for name, placement in spec.vehicles.items()
         if name not in spec.traffic.names
     }
     tree = {"title": spec.title, "map": None, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
@@ -229,9 +230,9 @@ def _module(path: Path, _modified: int) -> Described[ModuleSpec]:
 
 def _described(source: Source, spec: type[T], prefix: str = "") -> Described[T]:
     """What a file says; errors begin with the prefix."""
-    found, errors = yaml_files.readable(source, spec)
-    error = SpecError([f"{prefix}{one}" for one in errors], source.path) if errors else None
-    return Described(Path(source.path).stem, None if errors else found, error, source.path, source.text)
+    content, errors = yaml_files.readable(source, spec)
+    error = SpecError([f"{prefix}{text}" for text in errors], source.path) if errors else None
+    return Described(Path(source.path).stem, None if errors else content, error, source.path, source.text)
 
 
 def _find_map(name: str | Path) -> Path:
@@ -244,44 +245,46 @@ def _find_map(name: str | Path) -> Path:
 def _placements(tree: Any) -> Iterator[Placement | None]:
     """The placements of the file of a map that is not valid; None for those that are not valid themselves."""
     raw = tree.get("placements") if isinstance(tree, dict) else None
-    for one in raw[:MAX_PLACEMENTS] if isinstance(raw, list) else []:
+    for raw_placement in raw[:MAX_PLACEMENTS] if isinstance(raw, list) else []:
         try:
-            yield Placement.model_validate(one)
+            yield Placement.model_validate(raw_placement)
         except ValidationError:
             yield None
 
 
-def _own_map(found: str | MapSpec | TrackSpec, source: Source) -> tuple[DescribedMap, dict[Key, int]]:
-    """The map in the file of a scenario; `found` is no Spec if it is not valid."""
+def _own_map(map_: str | MapSpec | TrackSpec, source: Source) -> tuple[DescribedMap, dict[Key, int]]:
+    """The map in the file of a scenario; `map_` is no Spec if it is not valid."""
     lines = {key: line for key, line in source.lines.items() if key[0] == "map"}
-    if isinstance(found, TrackSpec):
-        return DescribedMap("map", found, path=source.path), lines
-    spec = found if isinstance(found, MapSpec) else None
-    of = Described("map", spec, path=source.path)
-    return _with_modules(of, spec.placements if spec else _placements(source.tree["map"])), lines
+    if isinstance(map_, TrackSpec):
+        return DescribedMap("map", map_, path=source.path), lines
+    spec = map_ if isinstance(map_, MapSpec) else None
+    described = Described("map", spec, path=source.path)
+    return _with_modules(described, spec.placements if spec else _placements(source.tree["map"])), lines
 
 
 def _with_modules(
-    of: Described[MapSpec],
+    described: Described[MapSpec],
     placements: Iterable[Placement | None],
     known: Mapping[str, Described[ModuleSpec]] = MappingProxyType({}),
 ) -> DescribedMap:
     """A map with the modules that it names. Relative paths of modules start at its folder."""
-    numbered = tuple((number, one) for number, one in enumerate(placements, 1) if one)
-    folder = Path(of.path).parent if of.path else None
+    numbered = tuple((number, placement) for number, placement in enumerate(placements, 1) if placement)
+    folder = Path(described.path).parent if described.path else None
     modules = {
         name: known.get(name) or read_module(folder / name if folder and is_yaml(name) else name)
-        for name in dict.fromkeys(one.module for _, one in numbered)
+        for name in dict.fromkeys(placement.module for _, placement in numbered)
     }
-    return DescribedMap(of.name, of.found, of.error, of.path, of.text, numbered, modules)
+    return DescribedMap(
+        described.name, described.spec_or_none, described.error, described.path, described.text, numbered, modules
+    )
 
 
 def _files(specs: Specs) -> dict[str, Described[Any]]:
     race = specs.scenario.race or RaceSpec()
-    found: dict[str, Described[Any]] = {}
+    files: dict[str, Described[Any]] = {}
     if isinstance(specs.scenario.map, str):
-        found[f"map/{specs.scenario.map}"] = specs.map
-    found |= {f"vehicle/{name}": one for name, one in specs.vehicles.items()}
-    found |= {f"ruleset/{race.rules}": specs.rules} if specs.rules else {}
-    found |= {f"track/{race.track}": specs.track} if specs.track else {}
-    return found | {f"module/{name}": specs.map.modules[name] for name in sorted(specs.map.modules)}
+        files[f"map/{specs.scenario.map}"] = specs.map
+    files |= {f"vehicle/{name}": vehicle for name, vehicle in specs.vehicles.items()}
+    files |= {f"ruleset/{race.rules}": specs.rules} if specs.rules else {}
+    files |= {f"track/{race.track}": specs.track} if specs.track else {}
+    return files | {f"module/{name}": specs.map.modules[name] for name in sorted(specs.map.modules)}

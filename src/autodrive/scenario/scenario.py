@@ -36,9 +36,9 @@ DEFAULT = "mini_map"
 FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
 """Least and greatest factor of a vehicle, see `VehiclePlacement`."""
 MAX_VEHICLES = 100
-"""Of a scenario."""
+"""Most vehicles of a scenario."""
 MAX_BOXES = 1000
-"""Of a scenario, with those of its map."""
+"""Most boxes of a scenario, with those of its map."""
 
 
 def _class_in_file(text: str) -> str:
@@ -126,11 +126,12 @@ class TrafficSpec(Spec):
     type: str = "nigel"
     """Name or file of the VehicleSpec; its throttle sets a speed."""
     speed: float = Field(default=0.4, ge=0.05, le=10.0)
-    """At which the fastest drivers like to drive [m/s], at most the top speed of the vehicle; the slowest: 85 %."""
+    """Speed at which the fastest drivers like to drive [m/s], at most the top speed of the vehicle; the slowest: 85
+    %."""
 
     @property
     def names(self) -> list[str]:
-        """Of the cars."""
+        """Names of the cars."""
         return [f"traffic_{k}" for k in range(1, self.cars + 1)]
 
 
@@ -139,10 +140,10 @@ def is_track(tree: Any) -> bool:
     return isinstance(tree, dict) and bool({"centre_line", "points"} & tree.keys())
 
 
-def _type_of_map(given: Any) -> str:
-    if isinstance(given, TrackSpec) or is_track(given):
+def _type_of_map(value: Any) -> str:
+    if isinstance(value, TrackSpec) or is_track(value):
         return "dict[str, track]"
-    return "dict[str, Any]" if isinstance(given, dict | MapSpec) else "str"
+    return "dict[str, Any]" if isinstance(value, dict | MapSpec) else "str"
 
 
 NamedOrOwnMap: TypeAlias = Annotated[
@@ -153,7 +154,7 @@ NamedOrOwnMap: TypeAlias = Annotated[
 ]
 """A name, a file, or the map or track itself; errors are those of the one that is given."""
 Amount: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
-"""From nothing (0) to the greatest amount (1)."""
+"""An amount from nothing (0) to the greatest one (1)."""
 
 
 class WeatherSpec(Spec):
@@ -166,9 +167,9 @@ class WeatherSpec(Spec):
     wind: Amount = 0.0
     """Slants rain and snow in images; no force on vehicles."""
     wetness: Amount | None = None
-    """Of the ground; left out: as after a long time of that rain, and it follows later changes."""
+    """Wetness of the ground; left out: as after a long time of that rain, and it follows later changes."""
     snow_cover: Amount | None = None
-    """Likewise of the snow on it."""
+    """Snow on the ground; left out: as after a long time of that snow, and it follows later changes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -184,7 +185,7 @@ class WeatherSpec(Spec):
 
     @property
     def message(self) -> Weather:
-        """The same as a message."""
+        """The weather as a message."""
         return Weather(**self.model_dump())
 
 
@@ -201,9 +202,9 @@ class ScenarioSpec(Spec):
     vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
         default_factory=lambda: {"V1": VehiclePlacement()}
     )
-    """By name. The devkit numbers them in this order: V1, V2, ..."""
+    """Vehicles by name. The devkit numbers them in this order: V1, V2, ..."""
     boxes: Annotated[dict[str, BoxSpec], Field(max_length=MAX_BOXES)] = Field(default_factory=dict)
-    """By name."""
+    """Boxes by name."""
     removed_boxes: Annotated[tuple[str, ...], Field(max_length=MAX_BOXES)] = ()
     """Boxes of the map that are left out. One of that name in `boxes` takes its place."""
     scene_light: bool = True
@@ -265,7 +266,7 @@ class ScenarioSpec(Spec):
 
     @field_serializer("map")
     def _map_as_written(self, map_: str | MapSpec | TrackSpec, info: FieldSerializationInfo) -> Any:
-        """Without defaults: some keys of a placement are allowed for some modules only."""
+        """The map without defaults, because some keys of a placement are allowed for some modules only."""
         return map_ if isinstance(map_, str) else map_.model_dump(mode=info.mode, exclude_unset=True)
 
     @property
@@ -303,11 +304,11 @@ def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
 
     spec = with_files(spec, there)
     vehicles = {
-        name: one.model_copy(
-            update={"own_sensors": {key: str(folder.absolute() / path) for key, path in one.own_sensors.items()}}
+        name: placement.model_copy(
+            update={"own_sensors": {key: str(folder.absolute() / path) for key, path in placement.own_sensors.items()}}
         )
-        for name, one in spec.vehicles.items()
-        if one.own_sensors
+        for name, placement in spec.vehicles.items()
+        if placement.own_sensors
     }
     return spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
 
@@ -316,7 +317,8 @@ def with_files(spec: ScenarioSpec, there: Callable[[str, str], str]) -> Scenario
     """The scenario with other names of its files, given kind and name."""
     race = spec.race
     vehicles = {
-        name: one.model_copy(update={"type": there("vehicle", one.type)}) for name, one in spec.vehicles.items()
+        name: placement.model_copy(update={"type": there("vehicle", placement.type)})
+        for name, placement in spec.vehicles.items()
     }
     if race is not None:
         names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
@@ -339,5 +341,7 @@ def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:
 
 def with_modules(map_: MapSpec, there: Callable[[str], str]) -> MapSpec:
     """The map with other names of its modules."""
-    placements = tuple(one.model_copy(update={"module": there(one.module)}) for one in map_.placements)
+    placements = tuple(
+        placement.model_copy(update={"module": there(placement.module)}) for placement in map_.placements
+    )
     return map_.model_copy(update={"placements": placements}) if placements else map_

@@ -13,12 +13,12 @@ import numpy as np
 
 from autodrive.base.arrays import Integers
 from autodrive.base.errors import EngineError, SensorError, SpecError
-from autodrive.base.specs import Place, Problem, SpecProblems
+from autodrive.base.specs import PlaceInFile, Problem, SpecProblems
 from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
-from autodrive.physics.model import Model, Shapes
+from autodrive.physics.model import Model, ShapeTable
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
@@ -31,7 +31,7 @@ from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.light_programs import all_programs, program_problems
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
-from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.placing import PlacingProblem
 from autodrive.scenario.maps.solids import fixed_shapes
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
@@ -73,7 +73,7 @@ class CompiledScenario:
     """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
     """The same objects in the same order, as they were placed."""
-    map_problems: list[MapProblem]
+    map_problems: list[PlacingProblem]
     """What is wrong with a map that is being built, but can be simulated."""
     race: Race | None
     """None if the scenario has none."""
@@ -217,7 +217,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
         return None, [(_at("race"), f": {text}") for text in error.errors]
 
 
-def _with_movable(fixed: Shapes, geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
+def _with_movable(fixed: ShapeTable, geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> ShapeTable:
     """The fixed shapes, then those of the movable bodies. `body_vehicle`: numbers of the vehicles, by their bodies."""
     movable = {
         "kind": np.array([geom.kind for geom in geoms], dtype=np.int64),
@@ -232,7 +232,7 @@ def _with_movable(fixed: Shapes, geoms: Sequence[Geom], body_vehicle: Mapping[in
     return fixed._replace(**{name: np.concatenate([getattr(fixed, name), its]) for name, its in movable.items()})
 
 
-def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: Shapes) -> Integers:
+def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: ShapeTable) -> Integers:
     """What each shape is for a LIDAR: numbers of `weather.TARGETS`."""
     kinds = {shape.name.split("/")[0]: shape.material for shape in map_.statics} | {box.name: "box" for box in boxes}
     names = ["vehicle" if v >= 0 else kinds[owner] for owner, v in zip(owners, shapes.vehicle.tolist(), strict=True)]
@@ -252,12 +252,12 @@ def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
     return spec.model_copy(update={"vehicles": placed})
 
 
-def _at(*location: str | int) -> Place:
+def _at(*location: str | int) -> PlaceInFile:
     """A value of the scenario."""
-    return Place("scenario", location)
+    return PlaceInFile("scenario", location)
 
 
-def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem], list[MapProblem]]:
+def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem], list[PlacingProblem]]:
     """The map without its faulty placements, the valid vehicles, the problems of all files, and those of a draft."""
     map_, found = compile_map(specs.map)
     is_file = isinstance(specs.scenario.map, str)

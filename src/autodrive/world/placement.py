@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import shapely
 
-from autodrive.base.specs import Place, Problem
+from autodrive.base.specs import PlaceInFile, Problem
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import BoxPlacement, Map
 from autodrive.scenario.maps.placing import Solid, overlaps
@@ -26,7 +26,7 @@ def overlapping_vehicles(vehicles: Mapping[str, VehicleSpec], pairs: Sequence[tu
     """A problem for each vehicle that overlaps another object; `pairs`: the names of the objects that overlap."""
     return [
         (
-            Place("scenario", ("vehicles", [name for name in pair if name in vehicles][-1])),
+            PlaceInFile("scenario", ("vehicles", [name for name in pair if name in vehicles][-1])),
             f": '{pair[0]}' and '{pair[1]}' overlap at the start; move one of them",
         )
         for pair in sorted({(min(pair), max(pair)) for pair in pairs})
@@ -67,22 +67,24 @@ def traffic_warnings(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) ->
     """A problem for settings of the traffic that have no effect: without cars, or a speed that they cannot drive."""
     traffic = spec.traffic
     if not traffic.cars and traffic.model_fields_set and "cars" not in traffic.model_fields_set:
-        return [(Place("scenario", ("traffic",)), ": without 'cars' there is no traffic; write for example cars: 5")]
+        return [
+            (PlaceInFile("scenario", ("traffic",)), ": without 'cars' there is no traffic; write for example cars: 5")
+        ]
     cars = [vehicles[name] for name in traffic.names if name in vehicles]
     top = min((one.drivetrain.speed_limit * one.wheels.radius for one in cars), default=traffic.speed)
     if traffic.speed <= top:
         return []
     text = f": cars of the type '{traffic.type}' drive at most {top:.3g} m/s, not {traffic.speed:g} m/s"
-    return [(Place("scenario", ("traffic", "speed")), text)]
+    return [(PlaceInFile("scenario", ("traffic", "speed")), text)]
 
 
 def warnings_about(name: str, warnings: Sequence[Problem]) -> list[Problem]:
     """Those that concern a vehicle or box of the scenario."""
-    return [one for one in warnings if any(isinstance(part, Place) and part.location[-1] == name for part in one)]
+    return [one for one in warnings if any(isinstance(part, PlaceInFile) and part.location[-1] == name for part in one)]
 
 
-def _at(key: str, name: str) -> Place:
-    return Place("scenario", (key, name), name if key == "vehicles" else f"box '{name}'")
+def _at(key: str, name: str) -> PlaceInFile:
+    return PlaceInFile("scenario", (key, name), name if key == "vehicles" else f"box '{name}'")
 
 
 def _outside(map_: Map, x: float, y: float) -> str:

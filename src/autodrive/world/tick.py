@@ -14,7 +14,7 @@ from autodrive.base.arrays import Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.pinned import Pinned, held
 from autodrive.physics.engine import AWAKE
-from autodrive.physics.sensors.columns import Poses, motion_of
+from autodrive.physics.sensors.columns import StatePoses, motion_of
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
@@ -161,7 +161,7 @@ def _time(rows: Rows, tick: int) -> float:
 
 
 @inlined
-def _note_poses(state: State, n_fixed: int, before: Poses) -> None:
+def _note_poses(state: State, n_fixed: int, before: StatePoses) -> None:
     """Copy the poses at the start of a tick."""
     for i in range(state.vehicle_position.shape[0]):
         for axis in range(3):

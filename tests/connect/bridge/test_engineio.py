@@ -13,9 +13,9 @@ from autodrive.connect.bridge.engineio import (
     HANDSHAKE_TIME,
     LISTENING_TIME,
     Acknowledgement,
-    Connection,
     ConnectionEnd,
     Dialect,
+    EngineIoConnection,
     Event,
     PacketError,
     event_packet,
@@ -31,13 +31,13 @@ HANDSHAKE_4 = (
 ADMISSION_4 = '40{"sid":"Ux2sLKthMzrcNqqEAAAB"}'
 
 
-def sent(connection: Connection) -> list[str]:
+def sent(connection: EngineIoConnection) -> list[str]:
     packets, connection.outbox = connection.outbox, []
     return packets
 
 
 def test_an_engine_io_3_server_accepts_the_connection_and_is_pinged() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(HANDSHAKE_3, 0.01)
     connection.receive("40", 0.02)
     assert (connection.dialect, connection.is_open) == (Dialect.ENGINE_IO_3, True)
@@ -55,7 +55,7 @@ def test_a_given_handshake_waits_for_a_slow_server() -> None:
         ("engineio-4", HANDSHAKE_4, ADMISSION_4),
     ]
     for handshake, first, rest in servers:
-        connection = Connection(0.0, handshake)
+        connection = EngineIoConnection(0.0, handshake)
         connection.check_timers(10 * LISTENING_TIME)
         assert not connection.is_open
         connection.receive(first, 10 * LISTENING_TIME)
@@ -64,11 +64,11 @@ def test_a_given_handshake_waits_for_a_slow_server() -> None:
         connection.receive(rest, 20 * LISTENING_TIME)
         assert connection.is_open
         with pytest.raises(ConnectionEnd):
-            Connection(0.0, handshake).check_timers(HANDSHAKE_TIME)
+            EngineIoConnection(0.0, handshake).check_timers(HANDSHAKE_TIME)
 
 
 def test_a_given_raw_server_gets_telemetry_at_once() -> None:
-    connection = Connection(0.0, "raw")
+    connection = EngineIoConnection(0.0, "raw")
     connection.check_timers(0.0)
     assert (connection.dialect, connection.is_open) == (Dialect.RAW, True)
 
@@ -83,7 +83,7 @@ def test_an_event_is_padded_within_its_brackets() -> None:
 
 
 def test_an_engine_io_4_server_is_asked_to_connect_and_its_pings_are_answered() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(HANDSHAKE_4, 0.01)
     assert sent(connection) == ["40"]
     assert not connection.is_open
@@ -95,7 +95,7 @@ def test_an_engine_io_4_server_is_asked_to_connect_and_its_pings_are_answered() 
 
 
 def test_an_engine_io_4_server_without_max_payload_is_asked_after_a_timeout() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(HANDSHAKE_3, 0.0)
     connection.check_timers(LISTENING_TIME)
     assert sent(connection) == ["40"]
@@ -106,7 +106,7 @@ def test_an_engine_io_4_server_without_max_payload_is_asked_after_a_timeout() ->
 
 @pytest.mark.parametrize("handshake", [HANDSHAKE_3, HANDSHAKE_4])
 def test_a_server_that_never_admits_gets_telemetry_without_acknowledgements(handshake: str) -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(handshake, 0.0)
     connection.check_timers(LISTENING_TIME)
     connection.check_timers(2 * LISTENING_TIME)
@@ -118,14 +118,14 @@ def test_a_server_that_never_admits_gets_telemetry_without_acknowledgements(hand
 
 
 def test_a_server_that_sends_an_event_before_it_admits_gets_telemetry_at_once() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(HANDSHAKE_3, 0.0)
     assert isinstance(connection.receive('42["Bridge",{}]', 0.01), Event)
     assert (connection.dialect, connection.is_open, connection.acknowledges) == (Dialect.ENGINE_IO_3, True, False)
 
 
 def test_an_engine_io_3_server_that_accepts_late_is_still_pinged() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive(HANDSHAKE_3, 0.0)
     connection.check_timers(LISTENING_TIME)
     connection.receive("40", 2.0)
@@ -134,7 +134,7 @@ def test_an_engine_io_3_server_that_accepts_late_is_still_pinged() -> None:
 
 
 def test_a_server_that_sends_nothing_is_classified_as_raw() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.check_timers(0.9 * LISTENING_TIME)
     assert not connection.is_open
     connection.check_timers(LISTENING_TIME)
@@ -143,7 +143,7 @@ def test_a_server_that_sends_nothing_is_classified_as_raw() -> None:
 
 
 def test_a_server_that_sends_its_handshake_late_is_reclassified() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.check_timers(LISTENING_TIME)
     connection.receive(HANDSHAKE_4, 1.0)
     assert not connection.is_open
@@ -152,14 +152,14 @@ def test_a_server_that_sends_its_handshake_late_is_reclassified() -> None:
 
 
 def test_a_handshake_timeout_ends_the_connection() -> None:
-    connection = Connection(0.0, "engineio-4")
+    connection = EngineIoConnection(0.0, "engineio-4")
     connection.receive(HANDSHAKE_4, 0.0)
     with pytest.raises(ConnectionEnd, match="no handshake"):
         connection.check_timers(HANDSHAKE_TIME)
 
 
 def test_the_payload_limit_of_the_server_is_used() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     connection.receive('0{"maxPayload":5000}', 0.0)
     assert connection.max_payload == 5000
 
@@ -167,11 +167,11 @@ def test_the_payload_limit_of_the_server_is_used() -> None:
 @pytest.mark.parametrize("packet", ["1", "41", '44{"message":"not for you"}'])
 def test_close_packets_end_the_connection(packet: str) -> None:
     with pytest.raises(ConnectionEnd):
-        Connection(0.0).receive(packet, 0.0)
+        EngineIoConnection(0.0).receive(packet, 0.0)
 
 
 def test_events_and_acknowledgements_are_parsed() -> None:
-    connection = Connection(0.0)
+    connection = EngineIoConnection(0.0)
     assert connection.receive('42["Bridge",{"V1 Throttle":"1"}]', 0.0) == Event("Bridge", [{"V1 Throttle": "1"}])
     assert connection.receive("4317[]", 0.0) == Acknowledgement(17)
     assert connection.receive('425["Bridge",{}]', 0.0) == Event("Bridge", [{}])
@@ -188,7 +188,7 @@ def test_an_event_is_encoded_as_by_the_original() -> None:
 )
 def test_invalid_packets_raise_packet_error(packet: str) -> None:
     with pytest.raises(PacketError):
-        Connection(0.0).receive(packet, 0.0)
+        EngineIoConnection(0.0).receive(packet, 0.0)
 
 
 JSON = st.recursive(
@@ -207,7 +207,7 @@ PACKETS = st.one_of(st.text(max_size=30), HANDSHAKES, st.builds(str.__add__, HEA
 @given(st.lists(st.tuples(PACKETS, st.floats(0.0, 30.0)), max_size=12))
 def test_random_packets_raise_only_the_two_known_errors(packets: list[tuple[str, float]]) -> None:
     now = 0.0
-    connection = Connection(now)
+    connection = EngineIoConnection(now)
     for packet, delay in packets:
         now += delay
         with contextlib.suppress(PacketError, ConnectionEnd):

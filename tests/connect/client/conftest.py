@@ -9,7 +9,7 @@ import pytest
 import autodrive
 from autodrive import Client
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
 from autodrive.world.editing.map_scene import map_scene
@@ -49,14 +49,14 @@ def simulation() -> Iterator[Simulation]:
 
 
 @pytest.fixture
-def server(simulation: Simulation) -> Iterator[Server]:
+def server(simulation: Simulation) -> Iterator[SimulationServer]:
     """Serves it."""
-    with Server(Served(simulation, bare, scenarios=SCENARIOS), PageOptions(port=0)) as serving:
+    with SimulationServer(Served(simulation, bare, scenarios=SCENARIOS), PageOptions(port=0)) as serving:
         yield serving
 
 
 @pytest.fixture
-def sim(server: Server) -> Iterator[Client]:
+def sim(server: SimulationServer) -> Iterator[Client]:
     """A client of it."""
     with Client(server.address, name="script", timeout=LIMIT) as client:
         yield client

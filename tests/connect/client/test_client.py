@@ -14,7 +14,7 @@ import autodrive
 from autodrive import Client, Command, CommandError, NoSimulatorError
 from autodrive.connect.server import server as server_module
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import SetSpeed
 from autodrive.world.simulation import Simulation
@@ -189,7 +189,7 @@ def test_a_picture_without_a_subscription_is_an_error_at_once(sim: Client) -> No
 
 
 def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
-    with Server(Served(simulation, bare), PageOptions(port=0, token="open-sesame-0123")) as server:
+    with SimulationServer(Served(simulation, bare), PageOptions(port=0, token="open-sesame-0123")) as server:
         for token in (None, "wrong"):
             with pytest.raises(autodrive.AutodriveError, match="needs its token"):
                 Client(server.address, token=token, timeout=LIMIT)
@@ -198,7 +198,7 @@ def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
                 assert sim.frame.vehicles
 
 
-def test_a_disconnected_client_no_longer_drives(sim: Client, server: Server) -> None:
+def test_a_disconnected_client_no_longer_drives(sim: Client, server: SimulationServer) -> None:
     with Client(server.address, timeout=LIMIT) as other:
         other.drive("V1", throttle=0.1)
     sim.drive("V1", throttle=0.1)
@@ -213,7 +213,7 @@ def test_a_client_waits_for_a_simulator_that_starts(simulation: Simulation, monk
     clock = SimpleNamespace(monotonic=lambda: float(next(seconds)), sleep=time.sleep)
     monkeypatch.setattr("autodrive.connect.client.connection.time", clock)
     monkeypatch.setattr(server_module, "encode", lambda message: sent.append(message) or encode(message))
-    with Server(None, PageOptions(port=0)) as server:
+    with SimulationServer(None, PageOptions(port=0)) as server:
 
         def serve() -> None:
             wait_until(lambda: len(sent) > 15)
@@ -227,13 +227,15 @@ def test_a_client_waits_for_a_simulator_that_starts(simulation: Simulation, monk
 
 
 def test_a_client_finds_a_restarted_simulator(simulation: Simulation) -> None:
-    server = Server(Served(simulation, bare), PageOptions(port=0))
+    server = SimulationServer(Served(simulation, bare), PageOptions(port=0))
     server.start()
     with Client(server.address, name="script", timeout=LIMIT) as sim:
         wait_until(lambda: sim.frame.vehicles["V1"].lidar is not None)
         port = server.port
         server.close()
-        timer = threading.Timer(0.5, (server := Server(Served(simulation, bare), PageOptions(port=port))).start)
+        timer = threading.Timer(
+            0.5, (server := SimulationServer(Served(simulation, bare), PageOptions(port=port))).start
+        )
         timer.start()
         assert sim.wait().vehicles["V1"].lidar is not None  # with the scans that were asked for
         timer.join()

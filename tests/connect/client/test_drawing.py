@@ -11,7 +11,7 @@ import pytest
 
 import autodrive
 from autodrive import Client, Command, CommandError
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import encode
 from autodrive.protocol.drawing import MAX_PRIMITIVES
 from autodrive.protocol.messages import Draw, Drawing, Pause, Step
@@ -22,7 +22,7 @@ from tests.support.waiting import wait_until
 CURVE = np.column_stack((np.linspace(0.0, 1.0, 20), np.sin(np.linspace(0.0, 3.0, 20))))
 
 
-def test_viewers_get_what_a_client_draws_also_later_and_in_a_pause(sim: Client, server: Server) -> None:
+def test_viewers_get_what_a_client_draws_also_later_and_in_a_pause(sim: Client, server: SimulationServer) -> None:
     early, without = Viewer(server.address), Viewer(server.address, drawings=False)
     sim.pause()
     sim.draw.path(CURVE, name="plan", color="#00ff80", width=0.01)
@@ -50,7 +50,7 @@ def test_viewers_get_what_a_client_draws_also_later_and_in_a_pause(sim: Client, 
     assert not without.drawings
 
 
-def test_drawings_of_the_world_disappear_by_simulated_time(server: Server, simulation: Simulation) -> None:
+def test_drawings_of_the_world_disappear_by_simulated_time(server: SimulationServer, simulation: Simulation) -> None:
     viewer = Viewer(server.address)
     simulation.request(Draw({"short": Drawing("points", ((0.0, 0.0, 0.0),), lifetime=0.5)})).result()
     until = viewer.wait_for("short")["short"].until

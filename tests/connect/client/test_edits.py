@@ -8,13 +8,13 @@ import pytest
 
 import autodrive
 from autodrive import Client, CommandError
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import MapModule, MapPart
 from autodrive.scenario.maps.map import load_map
 from tests.support.waiting import LIMIT, wait_until
 
 
-def test_another_client_sees_an_edit_and_can_undo_it(server: Server, sim: Client) -> None:
+def test_another_client_sees_an_edit_and_can_undo_it(server: SimulationServer, sim: Client) -> None:
     with Client(server.address, name="viewer", timeout=LIMIT) as viewer:
         before = viewer.frame
         frame = sim.add_box("crate", 1.0, 0.9, 0.5, mass=0.3)
@@ -41,7 +41,7 @@ def test_a_sensor_of_a_vehicle_is_set(sim: Client) -> None:
         sim.set_sensor("V1", "lidr")
 
 
-def test_two_clients_build_a_map_together(server: Server, sim: Client, tmp_path: Path) -> None:
+def test_two_clients_build_a_map_together(server: SimulationServer, sim: Client, tmp_path: Path) -> None:
     with Client(server.address, name="other", timeout=LIMIT) as other:
         sim.edit_map({"a": MapModule("straight_road", 3.0, 0.0)})
 

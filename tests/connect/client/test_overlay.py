@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from autodrive.connect.client.client_socket import Address, ClientSocket
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import Frame, LoadScenario
 from autodrive.protocol.native import PROTOCOL, Contacts, Hello, Scene, Shapes, Subscribe
@@ -17,7 +17,7 @@ from tests.support.waiting import LIMIT, wait_until
 class Watcher:
     """Keeps the messages that came."""
 
-    def __init__(self, server: Server, **subscription: bool) -> None:
+    def __init__(self, server: SimulationServer, **subscription: bool) -> None:
         self.socket = ClientSocket(Address.of(server.address), LIMIT)
         self.socket.send(encode(Hello(PROTOCOL, "watcher")), encode(Subscribe(**subscription)))
         self.messages: list[object] = []
@@ -28,7 +28,7 @@ class Watcher:
         return sum(isinstance(one, kind) for one in self.messages)
 
 
-def test_they_are_sent_only_to_those_who_ask(server: Server, simulation: Simulation) -> None:
+def test_they_are_sent_only_to_those_who_ask(server: SimulationServer, simulation: Simulation) -> None:
     without, with_both = Watcher(server), Watcher(server, shapes=True, contacts=True)
     wait_until(lambda: with_both.count(Contacts) > 3 and without.count(Frame) > 10)
     assert without.count(Shapes) == without.count(Contacts) == 0
@@ -44,7 +44,9 @@ def test_they_are_sent_only_to_those_who_ask(server: Server, simulation: Simulat
     np.testing.assert_allclose(weight, (0.0, 0.0, 9.81 * mass), atol=0.05 * 9.81 * mass)
 
 
-def test_the_world_stops_to_report_forces_when_nobody_asks_any_more(server: Server, simulation: Simulation) -> None:
+def test_the_world_stops_to_report_forces_when_nobody_asks_any_more(
+    server: SimulationServer, simulation: Simulation
+) -> None:
     watcher = Watcher(server, contacts=True)
     wait_until(lambda: watcher.count(Contacts) > 0)
     watcher.socket.send(encode(Subscribe()))
@@ -55,7 +57,7 @@ def test_the_world_stops_to_report_forces_when_nobody_asks_any_more(server: Serv
     wait_until(lambda: not simulation.world.contact_forces)
 
 
-def test_another_world_is_asked_too(server: Server, simulation: Simulation) -> None:
+def test_another_world_is_asked_too(server: SimulationServer, simulation: Simulation) -> None:
     watcher = Watcher(server, shapes=True, contacts=True)
     wait_until(lambda: watcher.count(Shapes) == 1)
     simulation.request(LoadScenario("plane")).result(LIMIT)

@@ -17,7 +17,7 @@ import autodrive
 from autodrive import AutodriveError, Client, NoSimulatorError
 from autodrive.connect.client.last_run import NotedRun, last_run, user_name
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import RunOrigin
 from autodrive.run import Run, RunObserver, RunOptions, StopRequest, simulate
 from autodrive.world import World
@@ -25,7 +25,7 @@ from autodrive.world.simulation import Simulation
 from tests.connect.client.conftest import bare
 from tests.support.waiting import LIMIT, free_port, wait_until
 
-Serve = Callable[..., AbstractContextManager[Server]]
+Serve = Callable[..., AbstractContextManager[SimulationServer]]
 
 
 @pytest.fixture
@@ -56,11 +56,11 @@ def serve(user: Path, world: World, monkeypatch: pytest.MonkeyPatch) -> Serve:
     """Serves a paused simulation that `user` has started; with a note as `autodrive run` if `has_note`."""
 
     @contextmanager
-    def serving(*, user: str = user_name(), has_note: bool = False) -> Iterator[Server]:
+    def serving(*, user: str = user_name(), has_note: bool = False) -> Iterator[SimulationServer]:
         with ExitStack() as stack, Simulation(world, is_paused=True) as simulation:
             with monkeypatch.context() as patch:
                 patch.setattr("autodrive.connect.server.server.user_name", lambda: user)
-                server = Server(Served(simulation, bare), PageOptions(port=0))
+                server = SimulationServer(Served(simulation, bare), PageOptions(port=0))
             note = stack.enter_context(NotedRun(server.origin)) if has_note else None
             stack.enter_context(server)
             if note:
@@ -114,7 +114,7 @@ def test_the_port_of_the_environment_is_used_if_the_last_run_agrees(
 @pytest.mark.parametrize("port", ["0", "65536", "8730x", "-1", "٨"])
 def test_a_wrong_port_in_the_environment_is_refused(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AUTODRIVE_PORT", port)
-    for use in (Client, lambda: Server(None)):
+    for use in (Client, lambda: SimulationServer(None)):
         with pytest.raises(AutodriveError, match="AUTODRIVE_PORT must be a port, 1 to 65535, not"):
             use()
 

@@ -24,7 +24,7 @@ from autodrive.connect.ros.cars import ROBORACER, Car
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
 from autodrive.protocol.messages import (
     Frame,
@@ -59,13 +59,13 @@ def simulation() -> Iterator[Simulation]:
 
 
 @pytest.fixture(scope="module")
-def server(simulation: Simulation) -> Iterator[Server]:
+def server(simulation: Simulation) -> Iterator[SimulationServer]:
     with served(simulation) as one:
         yield one
 
 
-def served(simulation: Simulation, port: int = 0) -> Server:
-    return Server(
+def served(simulation: Simulation, port: int = 0) -> SimulationServer:
+    return SimulationServer(
         Served(simulation, lambda world: SceneFiles.of(world, world.spec.title), scenarios=SCENARIOS),
         PageOptions(port=port),
     )
@@ -90,7 +90,7 @@ def node() -> Recorder:
 
 
 @pytest.fixture
-def bridge(server: Server, node: Recorder) -> Iterator[Bridge]:
+def bridge(server: SimulationServer, node: Recorder) -> Iterator[Bridge]:
     with running(Config(port=server.port, robot_description=URDF), node) as one:
         wait_until(lambda: f"{CAR}/wheels" in node.messages)
         yield one
@@ -195,7 +195,7 @@ def test_odometry_is_close_to_the_truth_after_a_short_drive(
     [("2020", "ego_vehicle", "steering_angle"), ("2022", "v1", "steering"), ("2023", "nigel_1", "steering")],
 )
 def test_names_and_signs_are_those_of_the_profile(
-    simulation: Simulation, server: Server, node: Recorder, profile: str, root: str, steering: str
+    simulation: Simulation, server: SimulationServer, node: Recorder, profile: str, root: str, steering: str
 ) -> None:
     devkit = PROFILES[profile]
     with running(Config(port=server.port, profile=profile, robot_description=URDF), node):
@@ -358,7 +358,7 @@ def test_a_restarted_simulator_is_found(simulation: Simulation, node: Recorder) 
                 wait_until(lambda before=before: len(node.messages.get("/tf", [])) > before + 3)
 
 
-def test_images_without_subscribers_are_not_requested(simulation: Simulation, server: Server) -> None:
+def test_images_without_subscribers_are_not_requested(simulation: Simulation, server: SimulationServer) -> None:
     node = Recorder(unsubscribed="camera")
     with running(Config(port=server.port, robot_description=URDF), node) as bridge:
         wait_until(lambda: "/tf" in node.messages)
@@ -371,7 +371,7 @@ def environment(node: Recorder, **values: float) -> None:
         node.subscriptions[f"autodrive/environment/{name}"].callback(SimpleNamespace(data=value))
 
 
-def test_topics_set_the_weather_and_the_time_of_day(simulation: Simulation, server: Server) -> None:
+def test_topics_set_the_weather_and_the_time_of_day(simulation: Simulation, server: SimulationServer) -> None:
     node = Recorder()
     with running(Config(port=server.port, robot_description=URDF), node) as bridge:
         wait_until(lambda: bridge.frame is not None)

@@ -21,7 +21,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import Operation, Pause, RaceState, RaceStatus, Reset, Resume, SetDrivingMode, Step
 from autodrive.run import race as races
 from autodrive.run.race import RaceOptions
@@ -68,7 +68,7 @@ def simulation() -> Iterator[Simulation]:
 
 
 @pytest.fixture(scope="module")
-def server(simulation: Simulation) -> Iterator[Server]:
+def server(simulation: Simulation) -> Iterator[SimulationServer]:
     with served(simulation) as one:
         yield one
 
@@ -106,7 +106,7 @@ def test_a_parameter_sets_the_names_of_older_releases() -> None:
     assert "autodrive/f1tenth_1/lidar" in topics("direct", vehicle_type="f1tenth").topics
 
 
-def test_readings_and_frames_are_those_of_the_league(simulation: Simulation, server: Server) -> None:
+def test_readings_and_frames_are_those_of_the_league(simulation: Simulation, server: SimulationServer) -> None:
     node = Recorder()
     with running(Config(port=server.port, profile="roboracer", robot_description=URDF), node):
         wait_until(lambda: f"{CAR}/odom" in node.messages)
@@ -238,7 +238,7 @@ def test_in_lock_step_each_tick_waits_for_the_command_that_follows_its_scan(tmp_
 
 
 @pytest.mark.parametrize("mode", ["direct", "devkit"])
-def test_a_reset_that_is_held_resets_once(simulation: Simulation, server: Server, mode: str) -> None:
+def test_a_reset_that_is_held_resets_once(simulation: Simulation, server: SimulationServer, mode: str) -> None:
     node, port = Recorder(), server.port if mode == "direct" else free_port()
     devkit = DevkitBridge(simulation, port=port, vehicle_profile=lambda: "roboracer")
     resets = Resets()

@@ -13,7 +13,7 @@ from websockets.exceptions import InvalidStatus
 
 from autodrive import AutodriveError, Simulation
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.world import World
 from tests.support.native_clients import native_client, raw, scene_files
 from tests.support.waiting import LIMIT, free_port, wait_until
@@ -38,9 +38,9 @@ def still(one_world: World) -> Simulation:
 
 
 @pytest.fixture(scope="module")
-def server(still: Simulation, page: Path) -> Iterator[Server]:
+def server(still: Simulation, page: Path) -> Iterator[SimulationServer]:
     """On this machine alone, without a token."""
-    with Server(
+    with SimulationServer(
         Served(still, scene_files),
         PageOptions(port=free_port(), allowed_origins=("https://lab.example",)),
         page=page,
@@ -50,8 +50,8 @@ def server(still: Simulation, page: Path) -> Iterator[Server]:
 
 
 @pytest.fixture(scope="module")
-def locked(still: Simulation, page: Path) -> Iterator[Server]:
-    with Server(Served(still, scene_files), PageOptions(host="0.0.0.0", port=free_port()), page=page) as it:
+def locked(still: Simulation, page: Path) -> Iterator[SimulationServer]:
+    with SimulationServer(Served(still, scene_files), PageOptions(host="0.0.0.0", port=free_port()), page=page) as it:
         assert it.token is not None
         wait_until(lambda: get(it, f"scene/map.glb?token={it.token}").status == 200)
         yield it
@@ -62,7 +62,7 @@ class Answer:
         self.status, self.headers, self.body = response.status, response.headers, response.read()
 
 
-def get(server: Server, path: str, method: str = "GET", **headers: str) -> Answer:
+def get(server: SimulationServer, path: str, method: str = "GET", **headers: str) -> Answer:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=LIMIT)
     connection.putrequest(method, f"/{path}", skip_host="Host" in headers)
     for name, value in headers.items():
@@ -74,7 +74,7 @@ def get(server: Server, path: str, method: str = "GET", **headers: str) -> Answe
         connection.close()
 
 
-def test_the_page_its_parts_and_the_scene_are_served(server: Server) -> None:
+def test_the_page_its_parts_and_the_scene_are_served(server: SimulationServer) -> None:
     assert get(server, "").body == get(server, "index.html").body == b"<title>page</title>"
     assert get(server, "").headers["content-type"] == "text/html; charset=utf-8"
     assert get(server, "").headers["cache-control"] == "no-cache"
@@ -85,7 +85,7 @@ def test_the_page_its_parts_and_the_scene_are_served(server: Server) -> None:
         assert "immutable" in get(server, path).headers["cache-control"]
 
 
-def test_compressible_files_are_compressed_for_browsers_that_accept_it(server: Server) -> None:
+def test_compressible_files_are_compressed_for_browsers_that_accept_it(server: SimulationServer) -> None:
     packed = get(server, "scene/map.glb", Accept_Encoding="gzip, br")
     assert packed.headers["content-encoding"] == "gzip"
     assert gzip.decompress(packed.body) == b"a map " * 1000
@@ -93,7 +93,7 @@ def test_compressible_files_are_compressed_for_browsers_that_accept_it(server: S
     assert get(server, "scene/map.glb").headers["content-encoding"] is None
 
 
-def test_the_page_loads_nothing_from_other_hosts_and_is_embedded_in_allowed_ones_only(server: Server) -> None:
+def test_the_page_loads_nothing_from_other_hosts_and_is_embedded_in_allowed_ones_only(server: SimulationServer) -> None:
     headers = get(server, "").headers
     assert "default-src 'self'" in headers["content-security-policy"]
     assert f"connect-src 'self' ws://127.0.0.1:{server.port} wss://" in headers["content-security-policy"]
@@ -103,7 +103,7 @@ def test_the_page_loads_nothing_from_other_hosts_and_is_embedded_in_allowed_ones
     assert headers["x-content-type-options"] == "nosniff"
 
 
-def test_only_reading_is_possible(server: Server) -> None:
+def test_only_reading_is_possible(server: SimulationServer) -> None:
     assert get(server, "", "HEAD").body == b""
     assert get(server, "", "HEAD").status == 200
     assert [get(server, "", method).status for method in ("POST", "PUT", "DELETE")] == [405] * 3
@@ -134,14 +134,14 @@ def test_only_reading_is_possible(server: Server) -> None:
         "%ff%fe",
     ],
 )
-def test_no_file_outside_is_reachable(server: Server, path: str) -> None:
+def test_no_file_outside_is_reachable(server: SimulationServer, path: str) -> None:
     answer = get(server, path)
     assert answer.status in {400, 404}
     assert SECRET.encode() not in answer.body
     assert b"root:" not in answer.body
 
 
-def test_a_foreign_name_for_this_machine_is_refused(server: Server) -> None:
+def test_a_foreign_name_for_this_machine_is_refused(server: SimulationServer) -> None:
     """DNS rebinding: the browser believes that evil.example is where we are."""
     for host in ("evil.example", "evil.example:8730", "127.0.0.1.evil.example", "localhost.evil.example", ""):
         assert get(server, "", Host=host).status == 403
@@ -149,7 +149,7 @@ def test_a_foreign_name_for_this_machine_is_refused(server: Server) -> None:
         assert get(server, "", Host=host).status == 200
 
 
-def test_pages_of_other_origins_are_refused(server: Server) -> None:
+def test_pages_of_other_origins_are_refused(server: SimulationServer) -> None:
     here = f"http://127.0.0.1:{server.port}"
     for origin in ("https://evil.example", "http://localhost:1", "http://127.0.0.1:1", "null", f"{here}.evil.example"):
         with pytest.raises(InvalidStatus) as refused, raw(server, origin=origin):
@@ -160,11 +160,11 @@ def test_pages_of_other_origins_are_refused(server: Server) -> None:
             assert it.receive()["type"] == "Welcome"
 
 
-def test_an_allowed_origin_may_also_be_the_host_as_behind_a_proxy(server: Server) -> None:
+def test_an_allowed_origin_may_also_be_the_host_as_behind_a_proxy(server: SimulationServer) -> None:
     assert get(server, "", Host="lab.example", Origin="https://lab.example").status == 200
 
 
-def test_other_addresses_need_the_token_of_the_link(locked: Server) -> None:
+def test_other_addresses_need_the_token_of_the_link(locked: SimulationServer) -> None:
     assert locked.url.endswith(f"/?token={locked.token}")
     assert not locked.url.startswith("http://0.0.0.0")
     for path in ("", "index.html", "scene/map.glb", "?token=", "?token=wrong", f"?token={locked.token}x", "?Token=%ff"):
@@ -176,7 +176,9 @@ def test_other_addresses_need_the_token_of_the_link(locked: Server) -> None:
     assert get(locked, "assets/../index.html").status == 404
 
 
-def test_the_websocket_needs_the_token_too_and_it_is_enough(locked: Server, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_websocket_needs_the_token_too_and_it_is_enough(
+    locked: SimulationServer, caplog: pytest.LogCaptureFixture
+) -> None:
     with pytest.raises(InvalidStatus), raw(locked, query="?token=wrong"):
         pass
     assert not caplog.records  # a refused client is no error
@@ -184,7 +186,7 @@ def test_the_websocket_needs_the_token_too_and_it_is_enough(locked: Server, capl
         assert it.receive()["type"] == "Welcome"
 
 
-def test_a_websocket_at_another_path_gets_the_right_path(server: Server) -> None:
+def test_a_websocket_at_another_path_gets_the_right_path(server: SimulationServer) -> None:
     from websockets.sync.client import connect
 
     with pytest.raises(InvalidStatus) as refused, connect(f"ws://{server.address}/other"):
@@ -196,24 +198,24 @@ def test_a_requested_port_that_is_in_use_is_an_error(still: Simulation) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(AutodriveError, match=f"port {port} of 127.0.0.1 is in use"):
-            Server(Served(still, scene_files), PageOptions(port=port)).start()
+            SimulationServer(Served(still, scene_files), PageOptions(port=port)).start()
 
 
 def test_without_a_requested_port_the_next_free_one_is_used(still: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         monkeypatch.setattr("autodrive.connect.server.server.PORT", other.getsockname()[1])
-        with Server(Served(still, scene_files)) as server:
+        with SimulationServer(Served(still, scene_files)) as server:
             assert other.getsockname()[1] < server.port < other.getsockname()[1] + 20
             assert get(server, "").status == 404
 
 
 def test_an_address_of_another_machine_is_an_error(still: Simulation) -> None:
     with pytest.raises(AutodriveError, match=r"cannot listen on 192\.0\.2\.1 port 8730"):
-        Server(Served(still, scene_files), PageOptions(host="192.0.2.1", port=8730)).start()
+        SimulationServer(Served(still, scene_files), PageOptions(host="192.0.2.1", port=8730)).start()
 
 
 def test_it_can_be_closed_and_started_again(still: Simulation, page: Path) -> None:
-    server = Server(Served(still, scene_files), PageOptions(port=free_port()), page=page)
+    server = SimulationServer(Served(still, scene_files), PageOptions(port=free_port()), page=page)
     for _ in range(2):
         with server:
             assert get(server, "").status == 200

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 import autodrive
 from autodrive import Simulation
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import MESSAGE_LIMIT, Server
+from autodrive.connect.server.server import MESSAGE_LIMIT, SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
 from autodrive.world import World
@@ -35,10 +35,10 @@ def wanted() -> list[bool]:
 
 
 @pytest.fixture(scope="module")
-def server(one_world: World, wanted: list[bool]) -> Iterator[Server]:
+def server(one_world: World, wanted: list[bool]) -> Iterator[SimulationServer]:
     one_world.reset(0)
     simulation = Simulation(one_world)
-    serving = Server(
+    serving = SimulationServer(
         Served(simulation, scene_files, jpeg_encoder=JpegEncoder(), want_pictures=wanted.append),
         PageOptions(port=free_port()),
     )
@@ -47,7 +47,7 @@ def server(one_world: World, wanted: list[bool]) -> Iterator[Server]:
 
 
 @pytest.fixture(autouse=True)
-def fresh(server: Server) -> None:
+def fresh(server: SimulationServer) -> None:
     with native_client(server) as it:
         for request in ("Reset", "Resume"):
             it.ask(request)
@@ -62,7 +62,7 @@ def drive(it: NativeClient, throttle: float = 0.5, source: str = "script") -> No
     it.send("Drive", vehicle="V1", command={"throttle": throttle}, source=source)
 
 
-def test_a_command_moves_the_car_and_its_driver_is_known(server: Server) -> None:
+def test_a_command_moves_the_car_and_its_driver_is_known(server: SimulationServer) -> None:
     with native_client(server, "ann") as ann:
         drive(ann)
         ann.until(drivers({"V1": "ann"}))
@@ -72,7 +72,7 @@ def test_a_command_moves_the_car_and_its_driver_is_known(server: Server) -> None
             assert time.monotonic() < deadline
 
 
-def test_one_client_drives_and_the_others_get_its_name(server: Server) -> None:
+def test_one_client_drives_and_the_others_get_its_name(server: SimulationServer) -> None:
     with native_client(server, "ann") as ann, native_client(server, "bob") as bob:
         drive(ann)
         ann.until(drivers({"V1": "ann"}))
@@ -87,7 +87,7 @@ def test_one_client_drives_and_the_others_get_its_name(server: Server) -> None:
         bob.until(drivers({"V1": "bob"}))
 
 
-def test_a_lost_connection_releases_the_vehicle(server: Server) -> None:
+def test_a_lost_connection_releases_the_vehicle(server: SimulationServer) -> None:
     with native_client(server, "bob") as bob:
         with native_client(server, "ann") as ann:
             drive(ann)
@@ -99,7 +99,7 @@ def test_a_lost_connection_releases_the_vehicle(server: Server) -> None:
         bob.until(drivers({"V1": "bob"}))
 
 
-def test_a_person_drives_in_manual_mode_only(server: Server) -> None:
+def test_a_person_drives_in_manual_mode_only(server: SimulationServer) -> None:
     with native_client(server, "ann") as ann:
         drive(ann, source="person")
         assert "is in autonomous mode and obeys a script" in ann.error("mode")
@@ -108,7 +108,7 @@ def test_a_person_drives_in_manual_mode_only(server: Server) -> None:
         ann.until(drivers({"V1": "ann"}))
 
 
-def test_a_step_with_a_command_needs_the_driver_lease(server: Server) -> None:
+def test_a_step_with_a_command_needs_the_driver_lease(server: SimulationServer) -> None:
     with native_client(server, "ann") as ann, native_client(server, "bob") as bob:
         bob.ask("Pause")
         drive(ann)
@@ -125,7 +125,7 @@ def test_a_step_with_a_command_needs_the_driver_lease(server: Server) -> None:
         ({"vehicle": "V1", "command": {"throttle": float("nan")}}, "throttle of vehicle 'V1' must be a finite number"),
     ],
 )
-def test_an_invalid_command_is_refused(server: Server, drive_: Message, text: str) -> None:
+def test_an_invalid_command_is_refused(server: SimulationServer, drive_: Message, text: str) -> None:
     with native_client(server) as it:
         it.send("Drive", **drive_)
         assert text in it.error("request")
@@ -147,7 +147,7 @@ def test_an_invalid_command_is_refused(server: Server, drive_: Message, text: st
         ("text", "messages must be binary"),
     ],
 )
-def test_an_invalid_message_is_answered_with_an_error(server: Server, data: bytes | str, text: str) -> None:
+def test_an_invalid_message_is_answered_with_an_error(server: SimulationServer, data: bytes | str, text: str) -> None:
     with native_client(server) as it:
         it.socket.send(data)
         assert text in it.error("message")
@@ -156,7 +156,7 @@ def test_an_invalid_message_is_answered_with_an_error(server: Server, data: byte
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(max_size=100), max_size=10))
-def test_random_bytes_do_not_disturb_other_clients(server: Server, messages: list[bytes]) -> None:
+def test_random_bytes_do_not_disturb_other_clients(server: SimulationServer, messages: list[bytes]) -> None:
     with raw(server) as socket_:
         with contextlib.suppress(ConnectionClosed):
             for message in messages:
@@ -165,7 +165,7 @@ def test_random_bytes_do_not_disturb_other_clients(server: Server, messages: lis
             assert other.receive()["type"] == "Welcome"
 
 
-def test_a_message_that_is_too_long_disconnects_only_its_sender(server: Server) -> None:
+def test_a_message_that_is_too_long_disconnects_only_its_sender(server: SimulationServer) -> None:
     with native_client(server) as long, native_client(server) as other:
         long.socket.send(bytes(MESSAGE_LIMIT + 1))
         with pytest.raises(ConnectionClosed) as end:
@@ -176,7 +176,7 @@ def test_a_message_that_is_too_long_disconnects_only_its_sender(server: Server) 
 
 
 def test_a_client_above_the_rate_limit_gets_an_error_and_is_disconnected_at_last(
-    server: Server, monkeypatch: pytest.MonkeyPatch
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.RATE", 10.0)
     monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 300)
@@ -197,21 +197,21 @@ def test_a_client_above_the_rate_limit_gets_an_error_and_is_disconnected_at_last
         assert other.receive()["type"] == "Welcome"
 
 
-def test_too_many_pending_requests_are_refused(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_pending_requests_are_refused(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.request_queue.MAX_PENDING", 0)
     with native_client(server) as it:
         error = it.ask("Reset")
         assert (error["code"], error["type"]) == ("rate", "Error")
 
 
-def test_too_many_clients_are_refused(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_clients_are_refused(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.hub.MAX_CLIENTS", 1)
     with native_client(server) as first, native_client(server) as second:
         first.until("Frame")
         assert "no more are accepted" in second.error("rate")
 
 
-def test_a_client_that_is_killed_during_a_step_does_not_disturb_others(server: Server) -> None:
+def test_a_client_that_is_killed_during_a_step_does_not_disturb_others(server: SimulationServer) -> None:
     with native_client(server) as other:
         other.ask("Pause")
         with native_client(server) as victim:
@@ -221,7 +221,7 @@ def test_a_client_that_is_killed_during_a_step_does_not_disturb_others(server: S
         other.until(lambda message: message["type"] == "Status" and message["clients"] == 1)
 
 
-def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
+def test_twenty_clients_connect_and_disconnect_at_once(server: SimulationServer) -> None:
     seen: list[int] = []
 
     def visit(number: int) -> None:
@@ -250,7 +250,7 @@ def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
 @pytest.mark.slow
 def test_the_server_closes_soon_although_a_client_does_not_read() -> None:
     simulation = Simulation(autodrive.make("plane"), speed=None)
-    server = Server(Served(simulation, scene_files), PageOptions(port=free_port()))
+    server = SimulationServer(Served(simulation, scene_files), PageOptions(port=free_port()))
     with simulation, server, native_client(server, max_queue=1) as lazy:
         lazy.send("Subscribe", frame_rate=None, scans=True)
         then = simulation.ticks
@@ -270,7 +270,7 @@ def picture(frame: Frame, now: float) -> Frame:
 
 
 def test_pictures_have_the_subscribed_width_and_precede_their_frame(
-    server: Server, wanted: list[bool], one_world: World
+    server: SimulationServer, wanted: list[bool], one_world: World
 ) -> None:
     with native_client(server) as it, native_client(server) as blind:
         it.ask("Pause")
@@ -288,7 +288,7 @@ def test_pictures_have_the_subscribed_width_and_precede_their_frame(
     wait_until(lambda: wanted == [True, False])
 
 
-def test_pictures_have_at_most_the_subscribed_rate(server: Server, one_world: World) -> None:
+def test_pictures_have_at_most_the_subscribed_rate(server: SimulationServer, one_world: World) -> None:
     with native_client(server) as it:
         it.ask("Pause")
         it.send("Subscribe", frame_rate=0.0, picture_rate=5.0)

@@ -14,7 +14,7 @@ from autodrive import AutodriveError, Client
 from autodrive.base.arrays import Floats
 from autodrive.base.png import decode_png, encode_png
 from autodrive.connect.server.request_queue import RequestQueue
-from autodrive.connect.server.server import MESSAGE_LIMIT, Server
+from autodrive.connect.server.server import MESSAGE_LIMIT, SimulationServer
 from autodrive.protocol.messages import MAX_TEXT
 from autodrive.protocol.native import Request
 from autodrive.protocol.own_files import ImportTrack
@@ -105,7 +105,7 @@ def test_a_bad_picture_changes_nothing(
 
 
 def test_the_largest_message_is_read_and_one_that_is_longer_ends_the_connection(
-    server: Server, simulation: Simulation
+    server: SimulationServer, simulation: Simulation
 ) -> None:
     with native_client(server) as it:
         answer = it.ask("ImportTrack", picture=bytes(MAX_TEXT), text="image: a\nresolution: 1\norigin: [0, 0]")

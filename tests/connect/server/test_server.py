@@ -18,7 +18,7 @@ import autodrive
 from autodrive import Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import Collision, Pause, SetSpeed
 from autodrive.protocol.native import Starting
 from autodrive.scenario.descriptions import Descriptions
@@ -28,8 +28,8 @@ from tests.support.waiting import LIMIT, free_port, wait_until
 
 
 @pytest.fixture
-def server(simulation: Simulation) -> Iterator[Server]:
-    with Server(
+def server(simulation: Simulation) -> Iterator[SimulationServer]:
+    with SimulationServer(
         Served(
             simulation,
             scene_files,
@@ -42,7 +42,7 @@ def server(simulation: Simulation) -> Iterator[Server]:
 
 
 @pytest.fixture
-def one(server: Server) -> Iterator[NativeClient]:
+def one(server: SimulationServer) -> Iterator[NativeClient]:
     with native_client(server, "one") as it:
         yield it
 
@@ -58,7 +58,7 @@ def test_a_client_gets_welcome_and_scene_before_the_first_frame(one: NativeClien
 
 
 def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one(simulation: Simulation) -> None:
-    with Server(None, PageOptions(port=free_port())) as server:
+    with SimulationServer(None, PageOptions(port=free_port())) as server:
         with native_client(server, "early") as early:  # its Hello is sent now
             assert early.receive() == {"type": "Starting", "stage": "starting", "part": "", "share": None}
             early.send("Subscribe", frame_rate=7.0)
@@ -77,7 +77,7 @@ def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one
 
 
 def test_a_server_without_a_simulation_closes_the_connections_of_its_clients() -> None:
-    with Server(None, PageOptions(port=free_port())) as server, native_client(server) as early:
+    with SimulationServer(None, PageOptions(port=free_port())) as server, native_client(server) as early:
         early.receive()
         server.close()
         with pytest.raises(ConnectionClosed):
@@ -85,7 +85,9 @@ def test_a_server_without_a_simulation_closes_the_connections_of_its_clients() -
 
 
 @pytest.mark.parametrize(("version", "message"), [(1, "Fault"), (3, "Error")])
-def test_a_client_of_another_version_gets_an_error_that_it_can_read(server: Server, version: int, message: str) -> None:
+def test_a_client_of_another_version_gets_an_error_that_it_can_read(
+    server: SimulationServer, version: int, message: str
+) -> None:
     with raw(server) as socket:
         strange = NativeClient.__new__(NativeClient)
         strange.socket = socket
@@ -97,7 +99,7 @@ def test_a_client_of_another_version_gets_an_error_that_it_can_read(server: Serv
             strange.receive()
 
 
-def test_a_client_without_hello_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_without_hello_is_disconnected(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.handshake.HELLO_TIMEOUT", LIMIT)
     mute = NativeClient.__new__(NativeClient)
     with raw(server) as socket:
@@ -110,7 +112,7 @@ def test_a_client_without_hello_is_disconnected(server: Server, monkeypatch: pyt
         assert "no Hello" in mute.error("message")
 
 
-def test_clients_with_the_same_name_get_different_names(server: Server) -> None:
+def test_clients_with_the_same_name_get_different_names(server: SimulationServer) -> None:
     with (
         native_client(server, "page") as first,
         native_client(server, "page") as second,
@@ -156,7 +158,7 @@ def test_a_scan_precedes_the_first_frame_that_contains_it(one: NativeClient) -> 
     assert after["vehicles"]["V1"]["lidar"] is None
 
 
-def test_a_slow_reader_gets_the_latest_and_no_backlog(server: Server, simulation: Simulation) -> None:
+def test_a_slow_reader_gets_the_latest_and_no_backlog(server: SimulationServer, simulation: Simulation) -> None:
     with native_client(server, "slow", max_queue=2) as slow:
         slow.send("Subscribe", frame_rate=None, scans=True)
         slow.until("Frame")
@@ -171,7 +173,7 @@ def test_a_slow_reader_gets_the_latest_and_no_backlog(server: Server, simulation
         assert count < 1500  # what the system holds of both sides, not 3000
 
 
-def test_events_are_kept_for_a_client_with_a_low_frame_rate(server: Server, simulation: Simulation) -> None:
+def test_events_are_kept_for_a_client_with_a_low_frame_rate(server: SimulationServer, simulation: Simulation) -> None:
     position = np.zeros(3)
     with native_client(server) as rare:
         rare.ask("Pause")
@@ -192,7 +194,9 @@ def test_a_step_needs_a_pause(one: NativeClient) -> None:
     assert "request Pause first" in error["text"]
 
 
-def test_a_request_that_was_held_up_is_refused(server: Server, one: NativeClient, simulation: Simulation) -> None:
+def test_a_request_that_was_held_up_is_refused(
+    server: SimulationServer, one: NativeClient, simulation: Simulation
+) -> None:
     clock = one.until("Status")["clock"]
     for id, heard in ((1, clock - 5), (2, clock)):  # the sender of the first one knew a Status that is 5 s older
         one.send("Request", id=id, operation={"type": "SetSceneLight", "enabled": id == 1}, heard=heard)
@@ -209,7 +213,9 @@ def test_a_pause_and_a_step_can_be_requested_together(one: NativeClient) -> None
     assert pause < step
 
 
-def test_steps_of_a_client_equal_those_of_a_world_in_the_process(server: Server, simulation: Simulation) -> None:
+def test_steps_of_a_client_equal_those_of_a_world_in_the_process(
+    server: SimulationServer, simulation: Simulation
+) -> None:
     commands = [{"V1": Command(0.3 + 0.01 * n, 0.2 * (-1) ** n)} for n in range(60)]
     with native_client(server) as script:
         script.ask("Pause")
@@ -232,7 +238,7 @@ def test_steps_of_a_client_equal_those_of_a_world_in_the_process(server: Server,
         assert theirs["imu"]["linear_acceleration"] == tuple(mine.vehicles["V1"].imu.linear_acceleration)
 
 
-def test_a_reset_keeps_all_clients(server: Server, one: NativeClient) -> None:
+def test_a_reset_keeps_all_clients(server: SimulationServer, one: NativeClient) -> None:
     with native_client(server, "two") as two:
         one.until(lambda message: message["type"] == "Status" and message["clients"] == 2)
         assert one.ask("Reset", seed=1)["frame"]["tick"] <= 1
@@ -281,7 +287,7 @@ def test_a_new_scenario_starts_with_its_scene() -> None:
     simulation = Simulation(autodrive.make("plane"), load=load)
     served = Served(simulation, scene_files, scenarios={"two_cars": "Two cars"})
     with (
-        Server(served, PageOptions(port=free_port())) as server,
+        SimulationServer(served, PageOptions(port=free_port())) as server,
         simulation,
         native_client(server) as it,
         native_client(server) as watcher,
@@ -328,7 +334,7 @@ def test_scene_cameras_continue_in_another_scenario(gl: str) -> None:
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}
     served = Served(simulation, scene_files, scenarios=scenarios)
-    with Server(served, PageOptions(port=free_port())) as server, simulation:
+    with SimulationServer(served, PageOptions(port=free_port())) as server, simulation:
         with native_client(server) as it:
             it.ask("SetCamera", camera="Driver's Eye", width=160)
             it.until("Rendered")

@@ -17,7 +17,7 @@ from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
 from autodrive.base.yaml_files import Kind
 from autodrive.connect.server.served import OwnFiles, PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine, UseMap
 from autodrive.protocol.own_files import ExportMap, ListFiles, OpenFile, OwnFile, SaveFile
 from autodrive.run.options import RunOptions
@@ -51,14 +51,14 @@ def simulation() -> Iterator[Simulation]:
 
 
 @pytest.fixture
-def server(simulation: Simulation, folder: Path) -> Iterator[Server]:
+def server(simulation: Simulation, folder: Path) -> Iterator[SimulationServer]:
     served = Served(simulation, scene_files, scenarios={"plane": "Plane"}, own_files=UserFiles(folder))
-    with Server(served, PageOptions(port=0)) as serving:
+    with SimulationServer(served, PageOptions(port=0)) as serving:
         yield serving
 
 
 @pytest.fixture
-def sim(server: Server) -> Iterator[Client]:
+def sim(server: SimulationServer) -> Iterator[Client]:
     with Client(server.address) as client:
         yield client
 
@@ -68,7 +68,7 @@ def ask(sim: Client, operation: OpenFile | ListFiles | SaveFile | ExportMap | Sa
     return sim.connection.text
 
 
-def test_a_file_whose_name_is_not_utf_8_locks_nobody_out(server: Server, folder: Path, sim: Client) -> None:
+def test_a_file_whose_name_is_not_utf_8_locks_nobody_out(server: SimulationServer, folder: Path, sim: Client) -> None:
     for name in (b"stra\xdfe.yaml", b"stra\xdee.yaml"):
         (folder / os.fsdecode(name)).write_text("title: Latin-1\nmap: plane\n")
     with native_client(server) as it:
@@ -91,7 +91,7 @@ def test_an_answer_that_cannot_be_encoded_is_an_error_and_the_next_requests_are_
 ) -> None:
     served = Served(simulation, scene_files, own_files=UnfitFiles())
     with (
-        Server(served, PageOptions(port=0)) as server,
+        SimulationServer(served, PageOptions(port=0)) as server,
         native_client(server) as it,
         native_client(server) as other,
     ):
@@ -101,7 +101,9 @@ def test_an_answer_that_cannot_be_encoded_is_an_error_and_the_next_requests_are_
             assert client.ask("ListFiles")["type"] == "Error"
 
 
-def test_the_files_of_the_folder_are_listed_and_opened(server: Server, simulation: Simulation, sim: Client) -> None:
+def test_the_files_of_the_folder_are_listed_and_opened(
+    server: SimulationServer, simulation: Simulation, sim: Client
+) -> None:
     with native_client(server) as it:
         assert it.until("Welcome")["folder"] == "mine"
         assert it.ask("ListFiles")["files"] == {
@@ -130,7 +132,7 @@ def test_a_map_of_the_folder_has_own_modules_of_the_folder(
     (folder / "parts" / "road.yaml").write_text(text.replace("title: ", "title: My "))
     (folder / "own.yaml").write_text(OWN.replace("MODULE", "parts/road.yaml"))
     ask(sim, OpenFile("own.yaml"))
-    found = simulation.world.specs.map.modules["parts/road.yaml"].found
+    found = simulation.world.specs.map.modules["parts/road.yaml"].spec_or_none
     assert found is not None
     assert found.title.startswith("My ")
     sim.edit_map({"next": MapModule("parts/road.yaml", 0.0, 3.0, open=True)})
@@ -178,7 +180,7 @@ def loaded(folder: Path) -> Iterator[Client]:
     loader = WorldLoader(RunOptions("plane", folder=folder, cameras=False))
     with Simulation(loader.load("plane"), load=loader.load) as simulation:
         served = Served(simulation, scene_files, scenarios=loader.scenarios, own_files=UserFiles(folder))
-        with Server(served, PageOptions(port=0)) as server, Client(server.address) as sim:
+        with SimulationServer(served, PageOptions(port=0)) as server, Client(server.address) as sim:
             yield sim
 
 
@@ -415,7 +417,7 @@ def test_a_file_of_nearly_a_mebibyte_is_opened(sim: Client, simulation: Simulati
 
 def test_without_a_folder_texts_are_opened_and_nothing_else(simulation: Simulation) -> None:
     with (
-        Server(Served(simulation, scene_files, own_files=UserFiles(None)), PageOptions(port=0)) as server,
+        SimulationServer(Served(simulation, scene_files, own_files=UserFiles(None)), PageOptions(port=0)) as server,
         Client(server.address) as sim,
     ):
         for operation in (ListFiles(), SaveFile("x"), OpenFile("x")):
@@ -429,7 +431,7 @@ def test_who_may_not_control_may_not_write(simulation: Simulation, folder: Path)
     """As the viewers of a race; and nobody is connected without the token, see test_access.py."""
     served = Served(simulation, scene_files, own_files=UserFiles(folder), refusal=lambda message: "a race is running")
     with (
-        Server(served, PageOptions(port=0)) as server,
+        SimulationServer(served, PageOptions(port=0)) as server,
         Client(server.address) as sim,
         pytest.raises(AutodriveError, match="a race is running"),
     ):
@@ -437,7 +439,7 @@ def test_who_may_not_control_may_not_write(simulation: Simulation, folder: Path)
     assert not (folder / "mine.yaml").exists()
 
 
-def test_the_map_is_exported_for_map_server(server: Server, simulation: Simulation) -> None:
+def test_the_map_is_exported_for_map_server(server: SimulationServer, simulation: Simulation) -> None:
     with native_client(server) as it:
         answer = it.ask("ExportMap", name="town", resolution=0.02)
         assert "image: town.png" in answer["text"]
@@ -452,7 +454,7 @@ def test_the_map_is_exported_for_map_server(server: Server, simulation: Simulati
         assert again.length == pytest.approx(given.length, rel=0.02)
 
 
-def test_a_draft_whose_walls_cross_is_exported(server: Server, simulation: Simulation) -> None:
+def test_a_draft_whose_walls_cross_is_exported(server: SimulationServer, simulation: Simulation) -> None:
     with native_client(server) as it:
         it.ask("EditTrack", track={"points": [[0.0, 0.0], [9.0, 6.0], [9.0, 0.0], [0.0, 6.0]]})
         answer = it.ask("ExportMap", resolution=0.05)

@@ -14,7 +14,7 @@ import pytest
 from autodrive.base.errors import SpecError
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.expression import Expression
-from autodrive.experiments.campaigns.sampling import Design, Range, Sampling
+from autodrive.experiments.campaigns.sampling import Design, ParameterRange, Sampling
 from autodrive.experiments.campaigns.statistics import mean_interval, wilson
 
 Make = Callable[..., Campaign]
@@ -93,7 +93,11 @@ def test_wrong_types_are_reported_with_their_lines(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("method", ["random", "latin_hypercube", "sobol"])
 def test_samples_are_those_of_their_method(method: Any) -> None:
-    ranges = {"a": Range(uniform=(2.0, 4.0)), "b": Range(log_uniform=(0.1, 10.0)), "c": Range(normal=(1.0, 2.0))}
+    ranges = {
+        "a": ParameterRange(uniform=(2.0, 4.0)),
+        "b": ParameterRange(log_uniform=(0.1, 10.0)),
+        "c": ParameterRange(normal=(1.0, 2.0)),
+    }
     count = 100
     points = list(Design(ranges, Sampling(method=method, count=count, seed=5)))
     again = list(Design(ranges, Sampling(method=method, count=count, seed=5)))
@@ -112,16 +116,20 @@ def test_samples_are_those_of_their_method(method: Any) -> None:
 
 
 def test_grids_are_crossed_with_samples() -> None:
-    ranges = {"a": Range(grid=(1, 2)), "b": Range(uniform=(0.0, 1.0)), "c": Range(grid=("x", "y", "z"))}
+    ranges = {
+        "a": ParameterRange(grid=(1, 2)),
+        "b": ParameterRange(uniform=(0.0, 1.0)),
+        "c": ParameterRange(grid=("x", "y", "z")),
+    }
     points = list(Design(ranges, Sampling(method="random", count=4)))
     assert len(points) == 24
     assert {(point["a"], point["c"]) for point in points} == {(a, c) for a in (1, 2) for c in "xyz"}
     assert len({point["b"] for point in points}) == 4
-    assert list(Design({"a": Range(choice=(1, 2)), "b": Range(choice=(3, 4))}, Sampling())) == [
+    assert list(Design({"a": ParameterRange(choice=(1, 2)), "b": ParameterRange(choice=(3, 4))}, Sampling())) == [
         {"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}
     ]  # fmt: skip
     listed = Sampling(method="list", points=({"b": 0.5}, {"b": 0.7}))
-    assert [point["b"] for point in Design({"b": Range(uniform=(0.0, 1.0))}, listed)] == [0.5, 0.7]
+    assert [point["b"] for point in Design({"b": ParameterRange(uniform=(0.0, 1.0))}, listed)] == [0.5, 0.7]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from autodrive.experiments.campaigns import Campaign, CampaignObserver, run_camp
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.ray_executor import RayExecutor
 from autodrive.experiments.campaigns.runner import Runner
-from autodrive.experiments.campaigns.runs import Progress
+from autodrive.experiments.campaigns.runs import CampaignProgress
 from tests.support.command_line import AUTODRIVE, refused
 from tests.support.waiting import LIMIT, free_port, wait_until
 
@@ -135,7 +135,7 @@ def test_a_cluster_of_this_machine_imports_the_code_of_the_start_and_no_file_of_
     (tmp_path / "driver.py").write_text(f"import gain\nimport numpy\nnumpy.zeros(1)\n{driver}")
 
     class Editing(CampaignObserver):
-        def progress(self, progress: Progress) -> None:
+        def progress(self, progress: CampaignProgress) -> None:
             (tmp_path / "gain.py").write_text("THROTTLE = 1.0\n")
 
     one = campaign(parameters={}, samples={}, seeds=12, metrics=["distance"], pass_="")

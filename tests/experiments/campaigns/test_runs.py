@@ -21,8 +21,8 @@ from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
-from autodrive.experiments.campaigns.runner import Result, Runner
-from autodrive.experiments.campaigns.runs import CampaignObserver, Progress
+from autodrive.experiments.campaigns.runner import Runner, RunResult
+from autodrive.experiments.campaigns.runs import CampaignObserver, CampaignProgress
 from autodrive.experiments.campaigns.table import Table
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
@@ -46,7 +46,7 @@ class Counting(CampaignObserver):
 
     reused = 0
 
-    def progress(self, progress: Progress) -> None:
+    def progress(self, progress: CampaignProgress) -> None:
         self.reused = progress.reused
 
 
@@ -103,7 +103,7 @@ def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaig
     class Killing(CampaignObserver):
         """Kills a worker after some results, and stops the campaign later, as Ctrl-C does."""
 
-        def progress(self, progress: Progress) -> None:
+        def progress(self, progress: CampaignProgress) -> None:
             if progress.done == 3:
                 (pid, *_) = [worker.pid for worker in executor.workers if worker.pid]
                 os.kill(pid, signal.SIGKILL)
@@ -281,7 +281,7 @@ def test_ctrl_c_keeps_rows_of_an_earlier_campaign_that_it_had_not_come_to(campai
     class Stopping(CampaignObserver):
         """Stops the campaign at once, as Ctrl-C does."""
 
-        def progress(self, progress: Progress) -> None:
+        def progress(self, progress: CampaignProgress) -> None:
             if progress.done == 1:
                 raise KeyboardInterrupt
 
@@ -314,7 +314,7 @@ def test_a_table_with_gaps_and_rows_in_any_order_is_sorted(
     table = Table(tmp_path, one)
     table.start()
     for number in (15, 3, 2, 9):
-        table.add(one.run(number), "key", Result(number, dict.fromkeys(one.metric_names, 1.0)))
+        table.add(one.run(number), "key", RunResult(number, dict.fromkeys(one.metric_names, 1.0)))
         table.write_part()
     columns = table.finish()
     assert columns["run"].to_pylist() == [2, 3, 9, 15]

@@ -14,7 +14,7 @@ import pytest
 
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.policies import Policy
-from autodrive.experiments.policies.policy import Drivers, Pace
+from autodrive.experiments.policies.policy import Pace, PolicyDrivers
 from autodrive.experiments.policies.racer import drive_laps
 
 LEARNING = Path(__file__).parents[3] / "examples" / "learning"
@@ -151,7 +151,7 @@ def test_rivals_drive_and_a_policy_is_the_beginning(tmp_path: Path) -> None:
     race = dataclasses.replace(Policy.find("race").slower(0.9), pace=None)  # the network alone is the beginning
     trainer.begin_with("race", 0.9)
     names = [one.name for one in observed(trainer.envs.task, "lidar")]
-    drivers, given = Drivers(race, names, 64), np.random.default_rng(1).uniform(0.0, 3.0, (10, 64, len(names)))
+    drivers, given = PolicyDrivers(race, names, 64), np.random.default_rng(1).uniform(0.0, 3.0, (10, 64, len(names)))
     trainer.past.begin(given[0])
     for k, readings in enumerate(given):  # it reads what it put out in the last steps
         if k:

@@ -22,8 +22,8 @@ from autodrive.connect.devkit import Server
 from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.experiments.policies import Memory, Policy
-from autodrive.experiments.policies.policy import GREATEST, Driver, Drivers, Pace
+from autodrive.experiments.policies import Policy, PolicyMemory
+from autodrive.experiments.policies.policy import GREATEST, Pace, PolicyDrivers, SingleDriver
 from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
@@ -54,7 +54,7 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
     weight, bias = policy.layers[-1]
     drive, steer = np.clip(weight.astype(float) @ values + bias, -1.0, 1.0)
     assert policy.outputs(features) == pytest.approx((drive, steer), abs=1e-12)
-    assert Driver(policy, INPUTS).act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
+    assert SingleDriver(policy, INPUTS).act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
 
 
 @given(st.floats(0.5, 2.0))
@@ -62,7 +62,7 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
 def test_a_slower_policy_does_at_lower_speeds_what_the_policy_does(factor: float) -> None:
     inputs = (*INPUTS, "wheel_speed@2", "yaw_rate@1", "range_2.5@3", "steer@1", "drive@1")
     policy = random_policy(inputs=inputs)
-    driver, slower = Driver(policy, INPUTS), Driver(policy.slower(factor), INPUTS)
+    driver, slower = SingleDriver(policy, INPUTS), SingleDriver(policy.slower(factor), INPUTS)
     is_speed = np.isin(INPUTS, ("wheel_speed", "yaw_rate"))
     for readings in np.random.default_rng(5).uniform(0.0, 3.0, (6, len(INPUTS))):
         throttle, steering = driver.act(readings)
@@ -79,7 +79,7 @@ def test_a_policy_is_not_slower_by_any_factor(factor: float) -> None:
 def test_large_numbers_saturate() -> None:
     policy = random_policy()
     for sign in (-1.0, 1.0):
-        throttle, steering = Driver(policy, INPUTS).act(np.full(len(INPUTS), sign * 1e30))
+        throttle, steering = SingleDriver(policy, INPUTS).act(np.full(len(INPUTS), sign * 1e30))
         assert 0.0 <= throttle <= 0.4
         assert -1.0 <= steering <= 1.0
 
@@ -105,7 +105,7 @@ def test_a_policy_reads_the_last_moments_and_its_own_outputs() -> None:
         ((weight, np.zeros(2, np.float32)),),
     )
     assert policy.readings == ("wheel_speed",)
-    driver = Driver(policy, ("yaw_rate", "wheel_speed"))
+    driver = SingleDriver(policy, ("yaw_rate", "wheel_speed"))
     for _ in range(2):
         speeds = np.random.default_rng(1).uniform(-0.4, 0.4, 20).tolist()
         drive, steer = [0.0] * 3, [0.0] * 3
@@ -122,7 +122,7 @@ def test_cars_have_memories_of_their_own() -> None:
     """Each row is that of a car alone, when episodes begin at different times."""
     inputs, readings = ("a", "b@3", "drive@1", "steer@2"), ("a", "b")
     rng = np.random.default_rng(2)
-    together, alone = Memory(inputs, readings, 4), [Memory(inputs, readings) for _ in range(4)]
+    together, alone = PolicyMemory(inputs, readings, 4), [PolicyMemory(inputs, readings) for _ in range(4)]
     for k in range(40):
         given, outputs = rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
         begins = rng.random(4) < 0.2 if k else np.ones(4, np.bool_)
@@ -147,7 +147,7 @@ def test_cars_have_memories_of_their_own() -> None:
 )
 def test_a_moment_that_cannot_be_is_refused(name: str, message: str) -> None:
     with pytest.raises(AutodriveError, match=message):
-        Driver(random_policy(inputs=(name,)), INPUTS)
+        SingleDriver(random_policy(inputs=(name,)), INPUTS)
 
 
 def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> None:
@@ -220,7 +220,7 @@ def test_a_pace_makes_the_policy_slower_by_the_weighted_mean_of_its_estimates() 
     """Two cars whose episodes begin at different times, against sums of matrices in NumPy, and `Policy.slower`."""
     inputs, pace = (*INPUTS, "wheel_speed@2", "yaw_rate@1", "drive@1"), random_pace()
     policy = random_policy(inputs=inputs)
-    drivers = Drivers(replace(policy, pace=pace), INPUTS, 2)
+    drivers = PolicyDrivers(replace(policy, pace=pace), INPUTS, 2)
     rng = np.random.default_rng(7)
     seen: list[list[np.ndarray]] = [[], []]
     done: list[list[tuple[float, ...]]] = [[], []]
@@ -275,7 +275,7 @@ def test_the_greatest_numbers_that_a_file_may_have_overflow_nowhere() -> None:
     most = GREATEST
     layers = tuple((np.where(weight > 0, most, -most).astype("f4"), bias) for weight, bias in random_policy().layers)
     policy = replace(random_policy(), layers=layers, scale=(most,) * len(INPUTS))
-    drivers = Drivers(policy, INPUTS)
+    drivers = PolicyDrivers(policy, INPUTS)
     commands = [drivers.act(np.full((1, len(INPUTS)), reading)) for reading in (1e9, -1e9, 1e9)]
     assert np.isfinite(commands).all()
 
@@ -285,7 +285,7 @@ def test_a_pace_that_keeps_nothing_and_one_without_evidence() -> None:
     for bias, expected in ((-1e6, 1.3), (1e6, 1.0)):
         layers = ((np.zeros((2, 4), np.float32), np.array([1.0, bias], np.float32)),)
         pace = Pace(PACE_INPUTS, (1.0,) * 4, (0.9, 1.3), 1.0, layers)
-        drivers = Drivers(replace(random_policy(), pace=pace), INPUTS)
+        drivers = PolicyDrivers(replace(random_policy(), pace=pace), INPUTS)
         for _ in range(3):
             drivers.act(np.ones((1, len(INPUTS))))
         assert drivers.slowness[0] == pytest.approx(expected, abs=1e-6)
@@ -315,7 +315,7 @@ def test_the_top_throttle_of_a_pace_limits_what_is_commanded_and_nothing_else() 
     readings = np.random.default_rng(5).uniform(0.0, 4.0, (200, 1, len(INPUTS)))
     pace = replace(random_pace(), inputs=("yaw_rate", "wheel_speed@3", "steer@1", "steer@2"))  # not what it commanded
     free, limited = (
-        Drivers(replace(random_policy(), pace=replace(pace, top_throttle=top)), INPUTS) for top in (1.0, 0.2)
+        PolicyDrivers(replace(random_policy(), pace=replace(pace, top_throttle=top)), INPUTS) for top in (1.0, 0.2)
     )
     commands = [(free.act(one)[0], limited.act(one)[0]) for one in readings]
     for one, other in commands:

@@ -14,7 +14,7 @@ from autodrive import AutodriveError
 from autodrive.graphics.cameras import render_process
 from autodrive.graphics.cameras.process_cameras import RATE_WINDOW, ProcessCameras
 from autodrive.graphics.cameras.render_process import RESTARTS, RenderProcess
-from autodrive.graphics.cameras.render_worker import CameraImages, Drawn
+from autodrive.graphics.cameras.render_worker import CameraImages, RenderResult
 from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Teleport
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
@@ -165,7 +165,7 @@ def test_ends_of_the_worker_count_for_an_hour(
     (world, _), now = made(car, is_wanted=False), [0.0]
     process = RenderProcess(camera_rig(world.compiled), "cameras", clock=lambda: now[0])
 
-    def drawn_after_end(at: float) -> Drawn:
+    def drawn_after_end(at: float) -> RenderResult:
         now[0] = at
         assert process.wait(LIMIT)
         os.kill(process.pid, signal.SIGKILL)

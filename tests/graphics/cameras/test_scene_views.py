@@ -17,7 +17,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.transforms import rotate
 from autodrive.connect.server.served import scene_renderer_factory
 from autodrive.graphics.cameras import render_process
-from autodrive.graphics.cameras.render_worker import Drawn
+from autodrive.graphics.cameras.render_worker import RenderResult
 from autodrive.graphics.cameras.scene_views import SceneViews
 from autodrive.graphics.cameras.viewpoints import GodsEye, Viewpoint, birds_eye, drivers_eye, orbit
 from autodrive.graphics.render.render_state import RenderState
@@ -49,7 +49,7 @@ def scene(gl: str, shared_world: World, clock: Clock) -> Iterator[SceneViews]:
     views.close()
 
 
-def decoded(image: Future[Drawn]) -> np.ndarray:
+def decoded(image: Future[RenderResult]) -> np.ndarray:
     return simplejpeg.decode_jpeg(image.result(LIMIT).answer).astype(float)
 
 
@@ -110,7 +110,7 @@ def test_gods_eye_turns_with_time(scene: SceneViews, world: World, clock: Clock)
 
 def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene: SceneViews, world: World) -> None:
     scene.draw(1, DRIVER, world.frame).result(LIMIT)
-    order: list[Future[Drawn]] = []
+    order: list[Future[RenderResult]] = []
     with stopped(scene.process):
         running = scene.draw(1, DRIVER, world.frame)
         wait_until(running.running)

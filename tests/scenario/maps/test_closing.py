@@ -12,7 +12,7 @@ from autodrive.scenario.files import read_map, read_module
 from autodrive.scenario.maps.closing import Chain, closing_chain
 from autodrive.scenario.maps.map import Map, compile_map
 from autodrive.scenario.maps.module import ModuleSpec
-from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.placing import PlacingProblem
 from autodrive.scenario.maps.solids import BlockSpec
 from autodrive.scenario.maps.spec import MapSpec, Placement
 from tests.support.hardening import cases
@@ -21,7 +21,7 @@ MODULES: dict[str, ModuleSpec] = {name: read_module(name).spec for name in yaml_
 STRAIGHT = Placement(module="straight_road", x=0.0, y=0.0)
 
 
-def compiled(*placements: Placement, blocks: tuple[BlockSpec, ...] = ()) -> tuple[Map, tuple[MapProblem, ...]]:
+def compiled(*placements: Placement, blocks: tuple[BlockSpec, ...] = ()) -> tuple[Map, tuple[PlacingProblem, ...]]:
     spec = MapSpec(title="closing", placements=placements, blocks=blocks, is_draft=True)
     map_, problems = compile_map(read_map(spec)[0])
     assert map_ is not None

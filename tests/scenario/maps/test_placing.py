@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Place
+from autodrive.base.specs import PlaceInFile
 from autodrive.scenario.files import read_map
 from autodrive.scenario.maps.map import compile_map, load_map, load_module
 from autodrive.scenario.maps.placing import join, place
@@ -189,7 +189,7 @@ def repaired(placements):
     placed, _ = place(read_map(MapSpec(title="Chain", placements=tuple(placements)))[0])
     _, problems = join(placed, is_complete=True)
     for problem in problems:
-        if problem.kind in ("apart", "turned") and isinstance(problem.other, Place) and problem.other_port:
+        if problem.kind in ("apart", "turned") and isinstance(problem.other, PlaceInFile) and problem.other_port:
             index = int(problem.other.location[1])
             second = placements[index]
             px, py, _ = problem.other_port.pose  # it is turned about its port

@@ -39,7 +39,7 @@ class Detection:
     def begin(self, dialect: Dialect | None) -> None:
         """Start with a new connection. The format of scans that the last script could read is tried first."""
         self._dialect = dialect
-        self._found: Profile | None = None
+        self._detected: Profile | None = None
         self._has_commands = False
         self.note = ""
         if dialect is Dialect.RAW and self.settings.lidar is None:
@@ -53,11 +53,11 @@ class Detection:
     @property
     def profile(self) -> Profile | None:
         """The profile of the script; None before it is detected."""
-        found = profile = self._found
+        detected = profile = self._detected
         if name := self.fixed:
             profile = PROFILES[name]
-            if not self.settings.profile and found is not None and found.is_prefixed:
-                profile = replace(profile, steering=found.steering)  # a script may send its sign
+            if not self.settings.profile and detected is not None and detected.is_prefixed:
+                profile = replace(profile, steering=detected.steering)  # a script may send its sign
         return profile and replace(self.settings.applied_to(profile), lidar=self._lidar_of_vehicles or self._lidar)
 
     def lidar(self, attempt: int) -> LidarFormat:
@@ -81,18 +81,18 @@ class Detection:
 
         Later keys may change 2023 to 2025, and text to gzip, nothing else.
         """
-        found = detect_profile(commands)
-        if found is None:
+        detected = detect_profile(commands)
+        if detected is None:
             return False
-        before = self._found, self._lidar, self._has_commands
-        if self._found is None or (self._found.name, found.name) == ("2023", "2025"):
-            self._found = found
-        if self.settings.lidar is None and (not self._has_commands or found.lidar == "gzip"):
-            self._lidar = found.lidar
+        before = self._detected, self._lidar, self._has_commands
+        if self._detected is None or (self._detected.name, detected.name) == ("2023", "2025"):
+            self._detected = detected
+        if self.settings.lidar is None and (not self._has_commands or detected.lidar == "gzip"):
+            self._lidar = detected.lidar
         self._has_commands = True
         is_chosen = self.fixed is not None or self.settings.steering is not None
-        self.note = NOTE if self._found is PROFILES["2023"] and is_ambiguous(commands) and not is_chosen else ""
-        return before != (self._found, self._lidar, True)
+        self.note = NOTE if self._detected is PROFILES["2023"] and is_ambiguous(commands) and not is_chosen else ""
+        return before != (self._detected, self._lidar, True)
 
     def __str__(self) -> str:
         """The choice in one line; empty before there is one."""

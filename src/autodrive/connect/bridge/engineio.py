@@ -62,7 +62,7 @@ class ConnectionEnd(Exception):  # noqa: N818  a normal close is not an error
     """The server refused or closed the connection."""
 
 
-class Connection:
+class EngineIoConnection:
     """Protocol state of one connection.
 
     `now` is the time of any monotonic clock [s]. `handshake` is that of the server; None: by its first packets.

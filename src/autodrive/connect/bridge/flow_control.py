@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
 
 RESEND_DELAY, RESEND_DELAY_MAX = 1.0, 4.0
-"""Without a command, telemetry is resent after the first delay [s]; the delay doubles up to the second. A script that
-stops at a breakpoint then does not find a hundred old messages when it continues."""
+"""Wall time without a command after which telemetry is resent [s]: the first delay, which doubles up to the second. A
+script that stops at a breakpoint then does not find a hundred old messages when it continues."""
 
 PATIENCE = 5.0
 """A message that has not been answered for this time [s] is sent again in another format of scans: before that, the

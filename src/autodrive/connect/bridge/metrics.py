@@ -98,4 +98,4 @@ class Metrics:
 
 def printable(text: str) -> str:
     """The text on one line of bounded length: what a script sends can do nothing to a terminal."""
-    return "".join(one if one.isprintable() else "?" for one in text[:MAX_TEXT])
+    return "".join(character if character.isprintable() else "?" for character in text[:MAX_TEXT])

@@ -45,9 +45,9 @@ class OneVehicle(Publisher):
         """What the script may see of its vehicle."""
         return vehicle
 
-    def forbid(self, request: Operation, what: str) -> object:
-        """The script requests `what`, a reset or a pose. Raises `CommandError` if it may not."""
-        raise CommandError(f"a script cannot request {what} here")
+    def forbid(self, request: Operation, request_text: str) -> object:
+        """Refuse a request of the script, a reset or a pose; `request_text` names it. Raises `CommandError`."""
+        raise CommandError(f"a script cannot request {request_text} here")
 
     # -- towards the bridge -------------------------------------------------------------------------------------
 

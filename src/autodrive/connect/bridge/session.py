@@ -18,9 +18,9 @@ from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import (
     CLOSE_PACKETS,
     Acknowledgement,
-    Connection,
     ConnectionEnd,
     Dialect,
+    EngineIoConnection,
     Event,
     PacketError,
     event_packet,
@@ -90,7 +90,7 @@ class Session:
         self.awaits_frame = False
         """Whether a new Frame must set `wake`."""
         self.wake = asyncio.Event()
-        self.engineio = Connection(self._clock(), detection.settings.handshake)
+        self.engineio = EngineIoConnection(self._clock(), detection.settings.handshake)
         self._socket = socket
         self._simulation = simulation
         self._metrics = metrics
@@ -117,7 +117,7 @@ class Session:
         self._requested_at: Frame | None = None
         """The Frame at which operations were requested last: they are requested once a tick at most."""
         self._dialect: Dialect | None = None
-        """Of the telemetry that is sent; None before it is sent."""
+        """Dialect of the telemetry that is sent; None before it is sent."""
         self._waits_until: float | None = None
         """When the first telemetry is sent without images [s]; None: it need not wait."""
 
@@ -191,7 +191,9 @@ class Session:
         self._metrics.counters.commands_received += 1
         if self._detection.observe(data):
             self._note_detection()
-        vehicles = {name: one for name, one in self._simulation.frame.vehicles.items() if not one.is_traffic}
+        vehicles = {
+            name: vehicle for name, vehicle in self._simulation.frame.vehicles.items() if not vehicle.is_traffic
+        }
         previous = {name: self._commands.get(name, Command()) for name in vehicles}
         message = devkit.read_commands(data, self._detection.profile or PROFILES["2025"], previous)
         self._traffic_lights.update(message.traffic_lights)

@@ -18,7 +18,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.target import Target, default_target
-from autodrive.connect.client.view import View
+from autodrive.connect.client.view import ClientView
 from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.drawing import DrawCalls
 from autodrive.protocol.messages import (
@@ -109,8 +109,8 @@ class Client:
     ) -> None:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
-        given = None if address is None else Target(Address.of(address, token))
-        target = (lambda: given) if given else lambda: default_target(token)
+        own_target = None if address is None else Target(Address.of(address, token))
+        target = (lambda: own_target) if own_target else lambda: default_target(token)
         self.connection = Connection(target, name, wanted, timeout, patience)
         self.draw = DrawCalls(self.connection.request)
         """Draws points, lines and texts into the view of the page."""
@@ -219,7 +219,7 @@ class Client:
         if wanted != self.connection.subscription:
             self.connection.subscribe(wanted)
 
-    def wait_news(self, timeout: float | None = None) -> View:
+    def wait_news(self, timeout: float | None = None) -> ClientView:
         """Wait for a Frame, scan or picture that is newer than the last such call; returns all that was received."""
         view = self.connection.view
         self.connection.until(
@@ -464,7 +464,9 @@ class Client:
         scene = self.connection.view.scene
         if scene is None:
             return
-        known = [f"'{name}', '{its}'" for name, one in scene.vehicles.items() for its in one.cameras]
+        known = [
+            f"'{name}', '{camera_name}'" for name, vehicle in scene.vehicles.items() for camera_name in vehicle.cameras
+        ]
         if vehicle not in scene.vehicles or camera not in scene.vehicles[vehicle].cameras:
             raise AutodriveError(f"there is no camera '{vehicle}', '{camera}'; there are {'; '.join(known) or 'none'}")
 

@@ -71,8 +71,10 @@ class Address:
         is_secure = parts.scheme in {"https", "wss"}
         usual = (443 if is_secure else 80) if has_scheme else PORT
         path = parts.path.removesuffix("ws") or "/"
-        given = parse_qs(parts.query).get("token", [None])[0]
-        return Address(host, port or usual, path if path.endswith("/") else path + "/", token or given, is_secure)
+        token_of_link = parse_qs(parts.query).get("token", [None])[0]
+        return Address(
+            host, port or usual, path if path.endswith("/") else path + "/", token or token_of_link, is_secure
+        )
 
     @property
     def uri(self) -> str:

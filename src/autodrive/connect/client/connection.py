@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.connect.client.client_socket import ClientSocket, NoSimulatorError, NotListeningError
 from autodrive.connect.client.target import Target, described
-from autodrive.connect.client.view import View
+from autodrive.connect.client.view import ClientView
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
     AddBox,
@@ -54,7 +54,7 @@ LOADED = (
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""
 BACKLOG = 2**16
-"""If this amount was received at once [bytes], the simulator may have waited, and a newer Frame follows."""
+"""Amount that is received at once [bytes] from which on the simulator may have waited, and a newer Frame follows."""
 CATCH_UP = 0.5
 """Longest wait for that Frame, which does not come while the simulation is paused [s]."""
 
@@ -75,7 +75,7 @@ class Connection:
         self.subscription = subscription
         self.timeout = timeout
         self.patience = patience
-        self.view = View()
+        self.view = ClientView()
         self.is_stepping = False
         """Whether this client paused the simulation."""
         self.text = ""
@@ -95,7 +95,7 @@ class Connection:
         self._lose()
 
     def receive(self, timeout: float) -> int:
-        """As `_receive`, but reconnects if the connection was lost."""
+        """Receive messages as `_receive` does, but reconnect if the connection was lost."""
         try:
             return self._receive(timeout)
         except NoSimulatorError:
@@ -118,14 +118,14 @@ class Connection:
             )
             raise CommandError(error.text + hint)
 
-    def until(self, is_there: Callable[[], bool], timeout: float | None, what: str) -> None:
+    def until(self, is_there: Callable[[], bool], timeout: float | None, awaited: str) -> None:
         """Receive until `is_there()`, at most for `timeout` [s]."""
         limit = self.timeout if timeout is None else timeout
         end = time.monotonic() + limit
         while not is_there():
             socket = self._socket
             if (left := end - time.monotonic()) <= 0:
-                raise TimeoutError(f"no {what} came within {limit:g} s" + self._reason())
+                raise TimeoutError(f"no {awaited} came within {limit:g} s" + self._reason())
             self.receive(left)
             self.raise_refusal()
             if self._socket is not socket:
@@ -199,7 +199,7 @@ class Connection:
         target = self._target()
         self.address = target.address
         socket = ClientSocket(self.address, self.timeout)
-        self.view = View()
+        self.view = ClientView()
         self.is_stepping = False
         try:
             socket.send(encode(Hello(PROTOCOL, self.name)), encode(self.subscription))

@@ -125,13 +125,13 @@ def _is_own(folder: Path) -> bool:
 
 def _notes(folder: Path) -> dict[Path, RunNote | None]:
     """The notes in a folder by their files; None: the file is no note."""
-    found: dict[Path, RunNote | None] = {}
+    notes: dict[Path, RunNote | None] = {}
     for file in sorted(folder.glob("*.json")):
-        found[file] = None
+        notes[file] = None
         with suppress(OSError, msgspec.MsgspecError):
             if file.is_file() and file.stat().st_size <= MAX_NOTE:
-                found[file] = msgspec.json.decode(file.read_bytes(), type=RunNote)
-    return found
+                notes[file] = msgspec.json.decode(file.read_bytes(), type=RunNote)
+    return notes
 
 
 def _remove_old_notes(folder: Path) -> None:

@@ -9,7 +9,7 @@ from autodrive.protocol.messages import Event, Frame, Images, LidarScan
 from autodrive.protocol.native import Error, Picture, Scan, Scene, ServerMessage, Status, Welcome
 
 
-class View:
+class ClientView:
     """Processes the messages of the server in order. `frame` is the latest Frame, with its scans and unread events."""
 
     def __init__(self) -> None:
@@ -91,7 +91,7 @@ class View:
             self._its_scans, self._whole = self.scans, None
 
     def _forget_after(self, time: float) -> None:
-        """After a reset: discard scans and pictures from before it, whose time is later than now."""
+        """Discard scans and pictures from before a reset, whose time is later than now."""
         self.scans = {vehicle: scan for vehicle, scan in self.scans.items() if scan.time <= time}
         self.pictures = {key: picture for key, picture in self.pictures.items() if picture.time <= time}
 

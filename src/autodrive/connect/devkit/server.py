@@ -54,22 +54,22 @@ class Device(Protocol):
         ...
 
     def generate_commands(self) -> Mapping[str, str]:
-        """Its commands."""
+        """The commands of the vehicle or traffic light, by the keys of the devkit."""
         ...
 
 
-def drive(step: Callable[[], object], *things: Device, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
-    """Serve until `step` raises or Ctrl-C: for each message, update `things`, call `step()`, send their commands.
+def drive(step: Callable[[], object], *devices: Device, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
+    """Serve until `step` raises or Ctrl-C: for each message, update `devices`, call `step()`, send their commands.
 
-    `things` are vehicles and traffic lights. `host`: an address, IPv4 or IPv6, or a name; '' listens on all interfaces.
+    `devices`: vehicles and traffic lights. `host`: an address, IPv4 or IPv6, or a name; '' listens on all interfaces.
     Raises what `step` raises, and `OSError` if the port is in use.
     """
 
     def respond(data: Telemetry) -> dict[str, str]:
-        for thing in things:
-            thing.parse_data(data)
+        for device in devices:
+            device.parse_data(data)
         step()
-        return {key: text for thing in things for key, text in thing.generate_commands().items()}
+        return {key: text for device in devices for key, text in device.generate_commands().items()}
 
     with Server(respond, host=host, port=port) as server, contextlib.suppress(KeyboardInterrupt):
         server.wait()

@@ -98,7 +98,7 @@ class Vehicle:
         if self.steering_command is not None:
             values[STEERING_SIGN] = self._steering_sign
         if verbose:
-            self._print("Transmit Data to", [one for one in _COMMANDS if hasattr(self, one)])
+            self._print("Transmit Data to", [attribute for attribute in _COMMANDS if hasattr(self, attribute)])
         return {self._prefix + key: str(value) for key, value in values.items() if value is not None}
 
     @property
@@ -216,7 +216,7 @@ _RACE_READINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "best_lap_time": ("Best Lap Time", float),
     "collision_count": ("Collisions", _integer),
 }
-"""The same for the readings that only `F1TENTH` has."""
+"""Attribute -> key and parser, as in `_READINGS`, of the readings that only `F1TENTH` has."""
 
 _COMMANDS = {
     "throttle_command": "Throttle",

@@ -57,14 +57,14 @@ from autodrive.protocol.native import Scene, Status
 log = logging.getLogger(__name__)
 
 RETRY_INTERVAL = 0.5
-"""Between two attempts to connect to a simulator [s]."""
+"""Wall time between two attempts to connect to a simulator [s]."""
 COMMAND_INTERVAL = 0.1
 """A command that is still valid is sent again after this simulated time: the simulator has a timeout too [s]."""
 REPEAT_INTERVAL = 1.0
-"""In a pause, the latest state is published again after this wall time [s]."""
+"""Wall time after which the latest state is published again in a pause [s]."""
 WORLD_TO_MAP = Transform("world", "map", (0.0, 0.0, 0.0))
 WARNING_INTERVAL = 10.0
-"""The same warning is not logged more often [s]."""
+"""Least time between two logs of the same warning [s]."""
 
 
 class Bridge:
@@ -159,7 +159,7 @@ class Bridge:
     @property
     def wants_images(self) -> bool:
         """Whether any image topic has subscribers."""
-        cameras = (camera for one in self._vehicles.values() for camera in one.topics.cameras.values())
+        cameras = (camera for publisher in self._vehicles.values() for camera in publisher.topics.cameras.values())
         return any(self._node.has_subscribers(topic) for camera in cameras for topic in camera.all)
 
     @property
@@ -184,7 +184,7 @@ class Bridge:
                 if text := vehicle.contradiction:
                     log.warning("%s", text)
             if self.config.publish_tf and not self.config.is_league:
-                static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
+                static = [transform for vehicle in self._vehicles.values() for transform in vehicle.static_transforms()]
                 self._publish_transforms([WORLD_TO_MAP, *static], 0.0, TF_STATIC)
 
     def _create(self, vehicles: dict[str, VehicleInfo]) -> None:
@@ -278,7 +278,7 @@ class Bridge:
             self._publish_transforms(moving, frame.time, TF)
 
     def _own_vehicles(self, frame: Frame) -> list[tuple[str, VehicleFrame]]:
-        """Without those of the traffic."""
+        """The vehicles of a Frame without those of the traffic."""
         return [(name, reading) for name, reading in frame.vehicles.items() if not reading.is_traffic]
 
     def _publish_states(self, update: Update) -> None:
@@ -309,7 +309,9 @@ class Bridge:
 
     def _publish_transforms(self, transforms: list[Transform], seconds: float, topic: Topic) -> None:
         stamp = Time.of(seconds)
-        self._node.publish(Message(TF.type, {"transforms": [one.message(stamp) for one in transforms]}), topic)
+        self._node.publish(
+            Message(TF.type, {"transforms": [transform.message(stamp) for transform in transforms]}), topic
+        )
 
     # -- driving --------------------------------------------------------------------------------------------------
 
@@ -326,7 +328,7 @@ class Bridge:
             command("steering_command", "std_msgs/Float32", f"-1 to 1, positive {side}", target.on_steering),
         ]
         if self.config.is_league:
-            return [replace(one, qos="league") for one in common]
+            return [replace(subscription, qos="league") for subscription in common]
         return [
             *common,
             command("headlights_command", "std_msgs/Int32", "0 off, 1 low, 2 high beam", target.on_headlights),
@@ -364,11 +366,11 @@ class Bridge:
     def _repeat_commands(self) -> None:
         """Send active commands again at the interval, and once the stop after the timeout."""
         for name in self._vehicles:
-            one = self._inputs[name]
-            was_active = one.is_active
-            one.command(self._time)
+            vehicle_input = self._inputs[name]
+            was_active = vehicle_input.is_active
+            vehicle_input.command(self._time)
             is_due = abs(self._time - self._sent.get(name, -1.0)) >= COMMAND_INTERVAL
-            if was_active and (not one.is_active or is_due):
+            if was_active and (not vehicle_input.is_active or is_due):
                 self._drive(name)
 
     def _commands(self) -> dict[str, Command]:
@@ -382,8 +384,8 @@ class Bridge:
         """
         end = time.monotonic() + timeout
         inputs = [self._inputs[name] for name in vehicles]
-        driven = [one for one in inputs if one.has_command] or inputs
-        answers = [one.wait_for_answer(max(end - time.monotonic(), 0.0)) for one in driven]
+        driven = [vehicle_input for vehicle_input in inputs if vehicle_input.has_command] or inputs
+        answers = [vehicle_input.wait_for_answer(max(end - time.monotonic(), 0.0)) for vehicle_input in driven]
         return any(answers)
 
     def _on_reset(self, vehicle: str, message: Any) -> None:
@@ -393,12 +395,12 @@ class Bridge:
             self._try(Reset())
 
     def _on_initial_pose(self, vehicle: str, message: Any) -> None:
-        given = message.pose.pose
+        marked = message.pose.pose
         with self._warning():
             pose = self._in_map(
                 message.header.frame_id,
-                (given.position.x, given.position.y, given.position.z),
-                quaternion(given.orientation),
+                (marked.position.x, marked.position.y, marked.position.z),
+                quaternion(marked.orientation),
             )
             x, y, _ = pose.position.tolist()
             self._direct.request(Teleport(vehicle, x, y, yaw_from_quaternion(pose.orientation)))
@@ -437,7 +439,7 @@ class Bridge:
         """A pose in a TF frame as a pose in the map, now. '' is the map. Raises `CommandError` as `_pose_of`."""
         frames: dict[str, Transform] = {}
         for name, reading in self._own_vehicles(self.frame) if self.frame else ():
-            frames |= {one.child: one for one in self._vehicles[name].frames(reading)}
+            frames |= {transform.child: transform for transform in self._vehicles[name].frames(reading)}
         known, at = ["map", *frames], frame.lstrip("/")
         while at not in ("", "map", "world"):
             if (link := frames.pop(at, None)) is None:

@@ -19,15 +19,15 @@ class Car:
     wheel_radius: float
     """[m]."""
     speed_limit: float
-    """At full throttle [m/s]."""
+    """Speed at full throttle [m/s]."""
     steering_limit: float
     """[rad]."""
     cameras: tuple[str, ...]
     vertical_field_of_view: float
-    """Of its cameras [deg]."""
+    """Vertical field of view of the cameras [deg]."""
     lidar_rays: int
     lidar_angle_min: float
-    """Of the first ray in a message [deg]."""
+    """Angle of the first ray in a message [deg]."""
     lidar_field_of_view: float
     """[deg]."""
     lidar_range_min: float

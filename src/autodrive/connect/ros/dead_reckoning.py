@@ -23,7 +23,7 @@ class DeadReckoning:
         self.distance = 0.0
         """Length of the path, forward and backward [m]."""
         self.interval = inf
-        """Of the mean that `speed` is [s]."""
+        """Interval over which `speed` is a mean [s]."""
         self._radius = wheel_radius
         self._last: tuple[float, float, float] | None = None
 

@@ -43,7 +43,7 @@ from autodrive.protocol.native import Picture
 from autodrive.protocol.ports import DEVKIT_PORT
 
 ANSWER_TIME = 4.0
-"""In lock-step, the driver has this time for a scan [s]; a race sends a message that is not answered again after 5 s or
+"""Time that the driver has for a scan in lock-step [s]; a race sends a message that is not answered again after 5 s or
 later."""
 MAX_DELAY = 0.5
 """An answer is never delayed longer: the simulator may take its message for lost [s]."""
@@ -77,7 +77,7 @@ class DevkitSource:
         self._wait_for_answers = wait_for_answers
         self._clock = clock
         self._sleep = sleep
-        self._vehicles: dict[str, _Vehicle] = {}
+        self._vehicles: dict[str, _DevkitVehicle] = {}
         self._tick = 0
         self._due = 0.0
         self.resets: set[str] = set()
@@ -123,7 +123,9 @@ class DevkitSource:
         prefixes = self._prefixes(data)
         if prefixes and prefixes.keys() != self._vehicles.keys():
             infos = {name: VehicleInfo.of(self._config.car, number) for number, name in enumerate(prefixes, start=1)}
-            self._vehicles = {name: _Vehicle(prefix, self._config, infos[name]) for name, prefix in prefixes.items()}
+            self._vehicles = {
+                name: _DevkitVehicle(prefix, self._config, infos[name]) for name, prefix in prefixes.items()
+            }
             listener.on_vehicles(infos)
         now = self._now()
         self._tick += 1
@@ -166,14 +168,16 @@ class DevkitSource:
             vehicle.command = command
         if devkit.is_prefixed and not self._config.is_league:
             answer |= {f"TL{n} State": str(self.traffic_lights.get(n, 0)) for n in range(1, TRAFFIC_LIGHTS + 1)}
-            answer |= {key: str(bool(one) if key == "Auto Time" else one) for key, one in self.environment.items()}
+            answer |= {
+                key: str(bool(value) if key == "Auto Time" else value) for key, value in self.environment.items()
+            }
         return answer
 
 
 _POSITION = re.compile(r"V(\d{1,4}) Position")
 
 
-class _Vehicle:
+class _DevkitVehicle:
     """Converts the messages of one vehicle. Keeps the last texts, so that unchanged scans and images are skipped."""
 
     def __init__(self, prefix: str, config: Config, info: VehicleInfo) -> None:
@@ -240,11 +244,11 @@ class _Vehicle:
                     news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), lens, jpeg)
         return news
 
-    def _is_new(self, item: str, text: str, now: float) -> bool:
-        known, when = self._texts.get(item, ("", -math.inf))
+    def _is_new(self, key: str, text: str, now: float) -> bool:
+        known, when = self._texts.get(key, ("", -math.inf))
         if not text or (text == known and now - when < REPEAT_INTERVAL):
             return False
-        self._texts[item] = text, now
+        self._texts[key] = text, now
         return True
 
     def _key(self, name: str) -> str:
@@ -273,7 +277,7 @@ class _Vehicle:
         return LidarScan(now, ranges, intensities, begin, step, *limits, rate, 1.0 / rate, 0.0)
 
     def contradiction(self, name: str) -> str:
-        """That the new scan is not one of the configured car, the first time; '' otherwise."""
+        """Why the new scan is not one of the configured car, the first time; '' otherwise."""
         car, count = self._config.car, 0 if self.new_scan is None else len(self.new_scan.ranges)
         if self._is_checked or count in (car.lidar_rays, car.lidar_rays + 1):
             return ""
@@ -297,13 +301,13 @@ class _Vehicle:
         )
 
     def _lights(self) -> Lights:
-        """As commanded."""
+        """Lights as commanded, without tail lights, which the protocol does not report."""
         headlights = self.command.headlights or Headlights.OFF
         indicators = self.command.indicators or Indicators.OFF
         return Lights(headlights, indicators, TailLights.OFF, bool(indicators & 1), bool(indicators & 2), False)
 
     def _wheels(self, steering: float, angles: np.ndarray) -> WheelsReading:
-        """Both front wheels have the steering angle, and each front wheel the rotation of the rear wheel behind it."""
+        """State of the wheels: both front wheels are steered, and turn as the rear wheel behind them does."""
         left, right = angles.tolist()
         steered = np.array([steering, steering, 0.0, 0.0])
         return WheelsReading(steered, np.array([left, right, left, right]), UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN)

@@ -17,7 +17,7 @@ from autodrive.protocol.messages import Command, Frame, LidarScan, Operation
 from autodrive.protocol.native import Picture, Scene, Status
 
 POLL_INTERVAL = 0.2
-"""Without data, as in a pause, the source checks at this interval whether the listener is closed [s]."""
+"""Interval at which the source checks whether the listener is closed while no data come, as in a pause [s]."""
 
 
 class DirectSource:
@@ -108,17 +108,17 @@ def vehicle_infos(scene: Scene) -> dict[str, VehicleInfo]:
     return {
         name: VehicleInfo(
             number,
-            one.type,
-            tuple(one.cameras),
-            one.wheelbase,
-            one.wheel_radius,
-            one.speed_limit,
-            one.steering_limit,
-            one.sensor_noise,
-            one.missing_gravity,
+            vehicle.type,
+            tuple(vehicle.cameras),
+            vehicle.wheelbase,
+            vehicle.wheel_radius,
+            vehicle.speed_limit,
+            vehicle.steering_limit,
+            vehicle.sensor_noise,
+            vehicle.missing_gravity,
         )
-        for number, (name, one) in enumerate(scene.vehicles.items(), start=1)
-        if not one.is_traffic  # they come last
+        for number, (name, vehicle) in enumerate(scene.vehicles.items(), start=1)
+        if not vehicle.is_traffic  # they come last
     }
 
 

@@ -49,7 +49,7 @@ def _points(marker: Any, frame: Pose) -> list[list[float]]:
     elif marker.type == ARROW and not marker.points:
         points = [(0.0, 0.0, 0.0), (marker.scale.x, 0.0, 0.0)]
     else:
-        points = [(one.x, one.y, one.z) for one in marker.points]
+        points = [(point.x, point.y, point.z) for point in marker.points]
     at, turn = marker.pose.position, marker.pose.orientation
     own = (turn.w, turn.x, turn.y, turn.z)
     if not any(own):  # nobody has set it

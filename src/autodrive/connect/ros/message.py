@@ -23,7 +23,7 @@ class Time(NamedTuple):
 
     @staticmethod
     def of(seconds: float) -> Time:
-        """From a time [s], at least 0, rounded to nanoseconds."""
+        """The message of a time [s], at least 0, rounded to nanoseconds."""
         sec, nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
         return Time(sec, nanosec)
 

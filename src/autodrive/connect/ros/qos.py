@@ -8,10 +8,13 @@ from autodrive.protocol.channels import RosQos
 
 
 class Qos(NamedTuple):
-    """All are reliable, because subscribers with the default QoS get nothing from a publisher that is not."""
+    """Quality of service of a topic.
+
+    All topics are reliable, because subscribers with the default QoS get nothing from a publisher that is not.
+    """
 
     depth: int
-    """So many of the last messages are kept."""
+    """Number of the last messages that are kept."""
     is_latched: bool = False
     """Whether late subscribers get them: transient local in ROS 2, latching in ROS 1."""
 
@@ -25,4 +28,4 @@ QOS: dict[RosQos, Qos] = {
     "command": Qos(10),
     "league": Qos(1),
 }
-"""By the class of a topic."""
+"""Quality of service by the class of a topic."""

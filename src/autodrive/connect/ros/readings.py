@@ -63,7 +63,10 @@ def heard_vehicle(message: HeardVehicle) -> OwnReading:
 
 
 def heard_light(message: HeardLight) -> OwnReading:
-    """Likewise of a traffic light; the time to change is NaN if it is not known or does not change."""
+    """What was heard of a traffic light as a row of numbers; the time is that of its arrival [s].
+
+    The time to change is NaN if it is not known or if the light does not change.
+    """
     time = math.nan if message.time_to_change is None else message.time_to_change
     values = np.array([message.sent, message.state, time], np.float64)
     return OwnReading(message.received, values, ("sent", "state", "time_to_change"))

@@ -30,7 +30,7 @@ class Transform(NamedTuple):
     orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
     def message(self, stamp: Time) -> Message:
-        """As a geometry_msgs/TransformStamped."""
+        """The transform as a geometry_msgs/TransformStamped."""
         return Message(
             "geometry_msgs/TransformStamped",
             {
@@ -54,12 +54,12 @@ def xyzw(orientation: Iterable[float]) -> dict[str, float]:
 
 def quaternion(message: Any) -> Quaternion:
     """A geometry_msgs/Quaternion as wxyz, with the length 1. Raises CommandError if it is no rotation."""
-    given = message.w, message.x, message.y, message.z
-    length = math.hypot(*given)
+    components = message.w, message.x, message.y, message.z
+    length = math.hypot(*components)
     if not 1e-6 < length < math.inf:
-        w, x, y, z = given
+        w, x, y, z = components
         raise CommandError(f"the orientation x {x:g}, y {y:g}, z {z:g}, w {w:g} is no rotation: set w to 1 for none")
-    return tuple(part / length for part in given)  # type: ignore[return-value]
+    return tuple(part / length for part in components)  # type: ignore[return-value]
 
 
 def in_parent(frame: Transform, position: Vector, orientation: Quaternion) -> tuple[Vector, Quaternion]:
@@ -68,11 +68,11 @@ def in_parent(frame: Transform, position: Vector, orientation: Quaternion) -> tu
     return (x, y, z), compose(frame.orientation, orientation)
 
 
-def relative(of: Transform, to: Transform) -> tuple[Vector, Quaternion]:
-    """Pose of the child of `of` in the child of `to`; both have the same parent."""
-    back = inverse(to.orientation)
-    offset = tuple(a - b for a, b in zip(of.position, to.position, strict=True))
-    return rotate(back, offset), compose(back, of.orientation)  # type: ignore[arg-type]
+def relative(frame: Transform, base: Transform) -> tuple[Vector, Quaternion]:
+    """Pose of the child of `frame` in the child of `base`; both have the same parent."""
+    back = inverse(base.orientation)
+    offset = tuple(a - b for a, b in zip(frame.position, base.position, strict=True))
+    return rotate(back, offset), compose(back, frame.orientation)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Robot:
 
     def __init__(self, urdf: str) -> None:
         try:
-            joints = [_joint(element) for element in ElementTree.fromstring(urdf or "<robot/>").iterfind("joint")]
+            joints = [_joint(joint) for joint in ElementTree.fromstring(urdf or "<robot/>").iterfind("joint")]
         except (ElementTree.ParseError, AttributeError, KeyError, ValueError) as error:
             raise AutodriveError(f"the robot_description is not a valid URDF: {error}") from None
         self.fixed = [joint.frame for joint in joints if joint.axis is None]
@@ -108,20 +108,20 @@ def _turned(joint: UrdfJoint, angle: float) -> Transform:
     return joint.frame._replace(orientation=compose(joint.frame.orientation, turn))
 
 
-def _joint(element: ElementTree.Element) -> UrdfJoint:
-    origin, axis = element.find("origin"), element.find("axis")
+def _joint(joint: ElementTree.Element) -> UrdfJoint:
+    origin, axis = joint.find("origin"), joint.find("axis")
     place, turn = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
     frame = Transform(
-        element.find("parent").attrib["link"],  # type: ignore[union-attr]
-        element.find("child").attrib["link"],  # type: ignore[union-attr]
+        joint.find("parent").attrib["link"],  # type: ignore[union-attr]
+        joint.find("child").attrib["link"],  # type: ignore[union-attr]
         _three(place),
         quaternion_from_euler(*_three(turn)),
     )
-    if element.attrib["type"] == "fixed":
-        return UrdfJoint(element.attrib["name"], frame, None)
+    if joint.attrib["type"] == "fixed":
+        return UrdfJoint(joint.attrib["name"], frame, None)
     direction = _three("1 0 0" if axis is None else axis.attrib["xyz"])
     length = math.hypot(*direction)
-    return UrdfJoint(element.attrib["name"], frame, tuple(part / length for part in direction))  # type: ignore[arg-type]
+    return UrdfJoint(joint.attrib["name"], frame, tuple(part / length for part in direction))  # type: ignore[arg-type]
 
 
 def _three(text: str) -> Vector:

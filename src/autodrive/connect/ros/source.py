@@ -15,7 +15,7 @@ class VehicleInfo:
     """Constant properties of a vehicle."""
 
     number: int
-    """From 1, in the simulator's order."""
+    """Number of the vehicle in the simulator's order, from 1."""
     type: str
     cameras: tuple[str, ...]
     wheelbase: float
@@ -23,19 +23,20 @@ class VehicleInfo:
     wheel_radius: float
     """[m]."""
     speed_limit: float
-    """At full throttle [m/s]."""
+    """Speed at full throttle [m/s]."""
     steering_limit: float
     """[rad]."""
     sensor_noise: dict[str, float] | None = None
-    """See `VehicleScene.sensor_noise`; None if unknown."""
+    """Noise of the sensors, see `VehicleScene.sensor_noise`; None if unknown."""
     missing_gravity: float = 9.81
-    """See `VehicleScene.missing_gravity`; the devkit protocol has accelerations without gravity."""
+    """Gravity that accelerations lack [m/s^2], see `VehicleScene.missing_gravity`; those of the devkit protocol have
+    none."""
     urdf: str = ""
     """Frames of its sensors and wheels; empty if unknown."""
 
     @staticmethod
     def of(car: Car, number: int = 1, type_: str = "") -> VehicleInfo:
-        """With the figures of a car."""
+        """A vehicle with the figures of a car."""
         return VehicleInfo(
             number, type_, car.cameras, car.wheelbase, car.wheel_radius, car.speed_limit, car.steering_limit
         )

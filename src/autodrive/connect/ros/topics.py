@@ -129,9 +129,9 @@ ENVIRONMENT_TOPICS = {
     "Time": ("time_of_day", "std_msgs/Int32", "minutes since midnight, without auto_time"),
     "Weather": ("weather_id", "std_msgs/Int32", "0 own amounts, 1 sunny ... 8 heavy snow"),
     "Clouds": ("cloud_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
-    "Fog": ("fog_intensity", "std_msgs/Float32", "0 to 1, likewise"),
-    "Rain": ("rain_intensity", "std_msgs/Float32", "0 to 1, likewise"),
-    "Snow": ("snow_intensity", "std_msgs/Float32", "0 to 1, likewise"),
+    "Fog": ("fog_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
+    "Rain": ("rain_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
+    "Snow": ("snow_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
 }
 """Name below autodrive/environment, type and text of the topics of time of day and weather, by key of the devkit."""
 
@@ -139,7 +139,7 @@ ENVIRONMENT_TOPICS = {
 def published(config: Config, topics: list[Topic]) -> list[Topic]:
     """The topics that the configuration has: all, or those of the league, at race time without the restricted ones."""
     kept = ("allowed",) if config.race else ("allowed", "restricted")
-    return [one for one in topics if one.league in kept] if config.is_league else topics
+    return [topic for topic in topics if topic.league in kept] if config.is_league else topics
 
 
 def light_topic(config: Config, number: int) -> Topic:

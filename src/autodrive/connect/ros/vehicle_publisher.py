@@ -48,7 +48,7 @@ class VehiclePublisher:
         self._node = node
         self._dead_reckoning = DeadReckoning(info.wheel_radius)
         self._times: dict[str, float] = {}
-        """Of the latest reading published, by channel."""
+        """Time of the latest reading published [s], by channel."""
         self._is_turned = config.profile in ("2020", "2022", "2023")
 
     def advance(self, vehicle: VehicleFrame) -> None:
@@ -174,7 +174,9 @@ class VehiclePublisher:
         """Fixed frames of the vehicle, including the vehicle frame of the AutoDRIVE packages."""
         frame = self.topics.frame
         placed = map(self._placed, self._robot.fixed)
-        fixed = [one._replace(parent=frame(one.parent), child=frame(one.child)) for one in placed]
+        fixed = [
+            transform._replace(parent=frame(transform.parent), child=frame(transform.child)) for transform in placed
+        ]
         if self._config.is_league:  # its vehicle frame is base_link
             return fixed
         own = Transform("base_link", self.topics.name, self._config.devkit_profile.origin)
@@ -199,11 +201,11 @@ class VehiclePublisher:
     @property
     def contradiction(self) -> str:
         """Where the `robot_description` of the configuration differs from that of the simulator; '' if it does not."""
-        given = {frame.child: frame for frame in self._robot.transforms({}) + self._robot.fixed}
+        transforms = {frame.child: frame for frame in self._robot.transforms({}) + self._robot.fixed}
         simulated = Robot(self.info.urdf)
         apart = []
         for frame in simulated.transforms({}) + simulated.fixed:
-            if (other := given.get(frame.child)) is None:
+            if (other := transforms.get(frame.child)) is None:
                 apart.append(f"{frame.child} is missing")
                 continue
             distance = math.dist(other.position, frame.position)
@@ -217,11 +219,15 @@ class VehiclePublisher:
     def _joints(self, vehicle: VehicleFrame) -> list[Transform]:
         frame = self.topics.frame
         moving = self._robot.transforms(readings.joint_angles(vehicle.wheels))
-        return [one._replace(parent=frame(one.parent), child=frame(one.child)) for one in moving]
+        return [
+            transform._replace(parent=frame(transform.parent), child=frame(transform.child)) for transform in moving
+        ]
 
     def _league_pose(self, vehicle: VehicleFrame) -> Transform:
         """Pose of the vehicle in the league: as measured, in world."""
-        position, orientation = (tuple(map(float, of)) for of in (vehicle.ips.position, vehicle.imu.orientation))
+        position, orientation = (
+            tuple(map(float, components)) for components in (vehicle.ips.position, vehicle.imu.orientation)
+        )
         return Transform("world", self.topics.name, position, orientation)  # type: ignore[arg-type]
 
     def _map_to_odom(self, vehicle: VehicleFrame, odom: Transform) -> Transform:
@@ -273,6 +279,8 @@ class VehiclePublisher:
         return readings.odometry(stamp, pose, (reckoning.speed, 0.0, 0.0), (0.0, 0.0, yaw_rate), variances)
 
     def _truth(self, stamp: Time, vehicle: VehicleFrame) -> Message:
-        position, orientation = (tuple(map(float, of)) for of in (vehicle.pose.position, vehicle.pose.orientation))
+        position, orientation = (
+            tuple(map(float, components)) for components in (vehicle.pose.position, vehicle.pose.orientation)
+        )
         pose = Transform("map", self.topics.frame("base_link"), position, orientation)  # type: ignore[arg-type]
         return readings.odometry(stamp, pose, tuple(vehicle.velocity), tuple(vehicle.angular_velocity), (0.0, 0.0))

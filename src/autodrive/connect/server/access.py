@@ -56,8 +56,8 @@ class AccessPolicy:
     def _has_token(self, query: bytes) -> bool:
         """Whether the query holds the token, compared in constant time."""
         assert self.token is not None
-        given = parse_qs(query.decode("latin-1")).get("token", [""])[0]
-        return hmac.compare_digest(given.encode(), self.token.encode())
+        token = parse_qs(query.decode("latin-1")).get("token", [""])[0]
+        return hmac.compare_digest(token.encode(), self.token.encode())
 
 
 def checked_token(token: str) -> str:

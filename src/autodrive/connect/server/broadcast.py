@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from autodrive.connect.server.encoded_frames import EncodedFrames
-from autodrive.connect.server.files import File, immutable_files
+from autodrive.connect.server.files import ServedFile, immutable_files
 from autodrive.connect.server.frame_queue import MAX_EVENTS, Completion, FrameQueue, FrameUpdate
 from autodrive.connect.server.remote_view import RemoteViews
 
@@ -33,7 +33,7 @@ class Broadcast:
 
     def __init__(self, served: Served, clients: set[ConnectedClient], on_change: Callable[[], None]) -> None:
         self.encoded = EncodedFrames(served.jpeg_encoder)
-        self.files: dict[str, File] = {}
+        self.files: dict[str, ServedFile] = {}
         """The scene files, by path."""
         self.queue = FrameQueue(served.simulation, self._take_items)
         self.remote_views = RemoteViews(served.renderer_factory, self.watch_contacts)
@@ -43,7 +43,7 @@ class Broadcast:
         self._clients = clients
         self._scene_files = served.scene_files
         self._on_change = on_change
-        self._scene_files_now: dict[str, File] = {}
+        self._scene_files_now: dict[str, ServedFile] = {}
         self._held: list[FrameUpdate | Completion] = []
         self._world: World | None = None
         self._prepared: tuple[World, SceneFiles] | None = None
@@ -86,16 +86,16 @@ class Broadcast:
             self._world.watch_contacts(is_wanted or self.remote_views.wants_forces)
 
     def _take_items(self) -> None:
-        for item in self.queue.take():
+        for queued in self.queue.take():
             if self._loading is not None:
-                self._hold(item)
-            elif isinstance(item, Completion):
-                item.callback(item.future)
-            elif item.world is not self._world:
-                self._hold(item)
-                self._loading = asyncio.create_task(self._load_scene(item.world))
+                self._hold(queued)
+            elif isinstance(queued, Completion):
+                queued.callback(queued.future)
+            elif queued.world is not self._world:
+                self._hold(queued)
+                self._loading = asyncio.create_task(self._load_scene(queued.world))
             else:
-                self._send(item)
+                self._send(queued)
         self.update_drawings()
 
     def update_drawings(self) -> None:
@@ -105,17 +105,17 @@ class Broadcast:
                 client.on_drawings()
             self.remote_views.redraw(self._loop.time())
 
-    def _hold(self, item: FrameUpdate | Completion) -> None:
+    def _hold(self, queued: FrameUpdate | Completion) -> None:
         """Keep an item for later: of consecutive updates the last of the World that is being loaded, and the last."""
         before = self._held[-1] if self._held else None
-        if not (isinstance(item, FrameUpdate) and isinstance(before, FrameUpdate)):
-            self._held.append(item)
-        elif before.world is item.world:
-            self._held[-1] = FrameUpdate(item.world, item.frame, (*before.events, *item.events)[-MAX_EVENTS:])
+        if not (isinstance(queued, FrameUpdate) and isinstance(before, FrameUpdate)):
+            self._held.append(queued)
+        elif before.world is queued.world:
+            self._held[-1] = FrameUpdate(queued.world, queued.frame, (*before.events, *queued.events)[-MAX_EVENTS:])
         elif len(self._held) > 1:
-            self._held[-1] = item
+            self._held[-1] = queued
         else:
-            self._held.append(item)
+            self._held.append(queued)
 
     def _send(self, update: FrameUpdate) -> None:
         self.encoded.latest = update.frame

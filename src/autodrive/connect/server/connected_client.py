@@ -226,7 +226,9 @@ class ConnectedClient:
 
     def _has_new_readings(self, frame: Frame, now: float) -> bool:
         wanted = self.subscription
-        if wanted.scans and any(its.lidar is not self._sent_scans.get(name) for name, its in frame.vehicles.items()):
+        if wanted.scans and any(
+            vehicle.lidar is not self._sent_scans.get(name) for name, vehicle in frame.vehicles.items()
+        ):
             return True
         return bool(wanted.picture_rate and self._encoded.has_pictures and self._new_pictures(frame, now))
 

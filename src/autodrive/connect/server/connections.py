@@ -68,7 +68,7 @@ class HttpProtocol(H11Protocol):
         _limit_buffers(transport)
         self._limit = TokenBucket(REQUEST_RATE, REQUEST_BURST, self.loop.time())
         self._begin()
-        others = [one for one in _open(self.connections, HttpProtocol) if one is not self]
+        others = [connection for connection in _open(self.connections, HttpProtocol) if connection is not self]
         if len(others) >= MAX_HTTP:
             _oldest(others, others).transport.abort()
 
@@ -90,7 +90,7 @@ class HttpProtocol(H11Protocol):
         """Make room among the other WebSockets, or refuse this one if all have clients."""
         self._stop_timer()
         others = _open(self.connections, WebSocketProtocol)
-        strangers = [one for one in others if not one.is_client]
+        strangers = [connection for connection in others if not connection.is_client]
         if len(others) < MAX_WEBSOCKETS:
             super().handle_websocket_upgrade(event)
         elif strangers:
@@ -170,7 +170,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Process the first piece; the next ones follow when the application has received its messages."""
+        """Process the first piece of `data`; other pieces follow when the application has received its messages."""
         self._unread += data
         if self._timer is not None:  # uvicorn reads on after its close message
             self.transport.pause_reading()
@@ -247,13 +247,17 @@ _Protocol = TypeVar("_Protocol", HttpProtocol, WebSocketProtocol)
 
 
 def _open(connections: Iterable[Any], type_: type[_Protocol]) -> list[_Protocol]:
-    return [one for one in connections if isinstance(one, type_) and not one.transport.is_closing()]
+    return [
+        connection
+        for connection in connections
+        if isinstance(connection, type_) and not connection.transport.is_closing()
+    ]
 
 
 def _oldest(candidates: list[_Protocol], others: list[_Protocol]) -> _Protocol:
     """The oldest one of the address that has the most of all."""
     by_address = Counter(map(_address, others))
-    return max(candidates, key=lambda one: (by_address[_address(one)], one.age))
+    return max(candidates, key=lambda connection: (by_address[_address(connection)], connection.age))
 
 
 def _address(protocol: HttpProtocol | WebSocketProtocol) -> str:

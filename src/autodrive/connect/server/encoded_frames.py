@@ -90,7 +90,7 @@ class EncodedFrames:
         is_new = drawings is not self.drawings
         if is_new:
             self.drawings = drawings
-            self._drawn = {name: one for name, one in self._drawn.items() if name in drawings}
+            self._drawn = {name: drawn for name, drawn in self._drawn.items() if name in drawings}
         return is_new
 
     def drawn_bytes(self, drawn: Drawn) -> bytes:

@@ -25,7 +25,7 @@ def built_page() -> Path | None:
 
 
 @dataclass(frozen=True)
-class File:
+class ServedFile:
     """A file; `is_immutable`: its content never changes, so that a browser may cache it for ever."""
 
     name: str
@@ -50,19 +50,19 @@ class File:
         return compressed if len(compressed) < 0.9 * len(self.content) else None
 
 
-def page_files(folder: Path) -> dict[str, File]:
+def page_files(folder: Path) -> dict[str, ServedFile]:
     """All files of the built page, by path. Names under assets/ hold a hash of the content."""
     files = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not path.is_symlink():
             name = path.relative_to(folder).as_posix()
-            files[name] = File(name, path.read_bytes(), is_immutable=name.startswith("assets/"))
+            files[name] = ServedFile(name, path.read_bytes(), is_immutable=name.startswith("assets/"))
     return files
 
 
-def immutable_files(contents: dict[str, bytes], folder: str) -> dict[str, File]:
+def immutable_files(contents: dict[str, bytes], folder: str) -> dict[str, ServedFile]:
     """Files in `folder` whose names hold a hash of their content."""
-    return {f"{folder}/{name}": File(name, content, is_immutable=True) for name, content in contents.items()}
+    return {f"{folder}/{name}": ServedFile(name, content, is_immutable=True) for name, content in contents.items()}
 
 
 def _ending(name: str) -> str:

@@ -53,7 +53,7 @@ class FrameQueue:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._on_items = on_items
         self._lock = threading.Lock()
-        self._items: list[FrameUpdate | Completion] = []
+        self._queued: list[FrameUpdate | Completion] = []
         self._is_wakeup_pending = False
         self._last_wakeup = 0.0
         self.steps = 0
@@ -62,20 +62,20 @@ class FrameQueue:
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Call `on_items` in that loop from now on."""
         self._loop = loop
-        self._items.clear()
+        self._queued.clear()
         self._is_wakeup_pending = False
 
     def publish(self, frame: Frame) -> None:
         """Add a Frame; called as a Sink in the simulation's thread."""
         update = FrameUpdate(self._simulation.world, frame, frame.events)
         with self._lock:
-            last = self._items[-1] if self._items else None
+            last = self._queued[-1] if self._queued else None
             if isinstance(last, FrameUpdate):
                 if last.events and last.world is update.world:
                     update = FrameUpdate(update.world, frame, (*last.events, *frame.events)[-MAX_EVENTS:])
-                self._items[-1] = update
+                self._queued[-1] = update
             else:
-                self._items.append(update)
+                self._queued.append(update)
         if not self.steps or time.monotonic() - self._last_wakeup > LONGEST_WAIT:
             self._wake()
 
@@ -84,7 +84,7 @@ class FrameQueue:
 
         def add(done: Future[Frame]) -> None:
             with self._lock:
-                self._items.append(Completion(done, callback))
+                self._queued.append(Completion(done, callback))
             self._wake()
 
         future.add_done_callback(add)
@@ -96,14 +96,14 @@ class FrameQueue:
     def take(self) -> list[FrameUpdate | Completion]:
         """Remove and return all items, in order; called in the loop."""
         with self._lock:
-            items, self._items = self._items, []
+            queued, self._queued = self._queued, []
             self._is_wakeup_pending = False
-        return items
+        return queued
 
-    def put_back(self, items: list[FrameUpdate | Completion]) -> None:
+    def put_back(self, taken: list[FrameUpdate | Completion]) -> None:
         """Insert items before all others; called in the loop."""
         with self._lock:
-            self._items[:0] = items
+            self._queued[:0] = taken
 
     def _wake(self) -> None:
         if not self._is_wakeup_pending and self._loop is not None:

@@ -19,7 +19,7 @@ from autodrive.connect.server.connected_client import ConnectedClient
 from autodrive.connect.server.connections import ABORT, IS_CLIENT
 from autodrive.connect.server.driver_lease import DriverLeases
 from autodrive.connect.server.driving import Driving
-from autodrive.connect.server.files import File
+from autodrive.connect.server.files import ServedFile
 from autodrive.connect.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
 from autodrive.connect.server.rate_limit import BYTES, RATE, RateLimit
 from autodrive.connect.server.requests import Requests
@@ -89,7 +89,7 @@ class Hub:
         await self.broadcast.close()
 
     @property
-    def files(self) -> dict[str, File]:
+    def files(self) -> dict[str, ServedFile]:
         """The scene files, by path."""
         return self.broadcast.files
 
@@ -229,7 +229,11 @@ class Hub:
     def _free_name(self, wanted: str) -> str:
         name = "".join(c for c in wanted if c.isprintable())[:40].strip() or "client"
         taken = {client.name for client in self.clients}
-        return next(one for n in range(1, MAX_CLIENTS + 2) if (one := name if n == 1 else f"{name} {n}") not in taken)
+        return next(
+            free_name
+            for n in range(1, MAX_CLIENTS + 2)
+            if (free_name := name if n == 1 else f"{name} {n}") not in taken
+        )
 
     # -- status -------------------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from autodrive.world.contacts import shapes_of
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
-    from autodrive.graphics.cameras.render_worker import Drawn
+    from autodrive.graphics.cameras.render_worker import RenderResult
     from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.messages import Frame
     from autodrive.world import World
@@ -116,7 +116,9 @@ class RemoteViews:
     @property
     def wants_forces(self) -> bool:
         """Whether a view shows contact forces."""
-        return any(isinstance(of.camera, SetCamera) and of.camera.force_scale > 0.0 for of in self._views.values())
+        return any(
+            isinstance(view.camera, SetCamera) and view.camera.force_scale > 0.0 for view in self._views.values()
+        )
 
     def redraw(self, now: float) -> None:
         """Render the latest Frame again, with drawings that are new."""
@@ -142,7 +144,7 @@ class RemoteViews:
         view.next = now + 1.0 / min(view.camera.rate, MAX_RATE)
         loop = asyncio.get_running_loop()
 
-        def deliver(image: Future[Drawn]) -> None:
+        def deliver(image: Future[RenderResult]) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(self._send, key, view, frame, image)
 
@@ -164,7 +166,7 @@ class RemoteViews:
         if self._views.get(key) is view:
             self._render(key, view, asyncio.get_running_loop().time())
 
-    def _send(self, key: _Key, view: _RemoteView, frame: Frame, image: Future[Drawn]) -> None:
+    def _send(self, key: _Key, view: _RemoteView, frame: Frame, image: Future[RenderResult]) -> None:
         view.is_rendering = False
         if self._views.get(key) is not view:
             return

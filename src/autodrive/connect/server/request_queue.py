@@ -37,8 +37,8 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 MAP_EDITS, EDIT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 8.0
-"""Such requests have a share of their own, and may use that time at once [s], those of one client and those of all: a
-person makes many edits in a row. Other requests of a client wait for their share each."""
+"""Requests that edit the map, and what they may use at once [s], those of one client and those of all: a person makes
+many edits in a row, so that they have a share of their own. Other requests of a client wait for their share each."""
 BUILDS = (*MAP_EDITS, AddBox, RemoveBox, Place, SetSensor, LoadScenario, ImportTrack, OpenFile, Undo, Redo)
 """Requests that may make another World, for which the short ones do not wait. They have a share of their own, too."""
 
@@ -54,19 +54,19 @@ REPLACED = (
     ViewSensor,
     ConnectBridge,
 )
-"""Of several such requests in a row only the last one is executed; it answers all of them."""
+"""Requests of which several in a row are executed only once, as the last one asks; the answer is that of all."""
 
 
 @dataclass
-class Entry:
+class QueuedOperation:
     """An operation, and the ids of the requests that it answers."""
 
     operation: ServerOperation
     ids: list[int]
     size: int = 0
-    """Of its message [bytes]."""
+    """Size of the message [bytes]."""
     number: int = field(default_factory=count().__next__)
-    """Of two requests, the newer one has the greater number."""
+    """Number of the request: a newer one has a greater number."""
     started: float = 0.0
     """Time at which its turn began [s]."""
     work: float = 0.0
@@ -79,7 +79,10 @@ class Entry:
 
 
 class Limits:
-    """Of the time that edits of a map, other builds and short requests use; those two may use `burst` at once [s]."""
+    """Limits of the time that edits of a map, other builds and short requests use.
+
+    Builds and short requests may use `burst` at once [s].
+    """
 
     def __init__(self, burst: float) -> None:
         now = time.perf_counter()
@@ -106,7 +109,7 @@ class RequestQueue:
     limits: Limits = field(default_factory=lambda: Limits(0.0))
     is_busy: bool = False
     """Whether a request is being executed."""
-    _entries: deque[Entry] = field(default_factory=deque)
+    _entries: deque[QueuedOperation] = field(default_factory=deque)
 
     def add(self, request: Request, size: int = 0) -> bool:
         """Add a request, whose message has that size [bytes]. Returns False if too many are waiting."""
@@ -115,9 +118,9 @@ class RequestQueue:
             return False
         last = self._entries[-1] if self._entries else None
         if last and isinstance(request.operation, REPLACED) and type(last.operation) is type(request.operation):
-            self._entries[-1] = Entry(request.operation, [*last.ids, request.id], size)
+            self._entries[-1] = QueuedOperation(request.operation, [*last.ids, request.id], size)
         else:
-            self._entries.append(Entry(request.operation, [request.id], size))
+            self._entries.append(QueuedOperation(request.operation, [request.id], size))
         return True
 
     @property
@@ -126,11 +129,11 @@ class RequestQueue:
         return not self._entries and not self.is_busy
 
     @property
-    def next(self) -> Entry | None:
+    def next(self) -> QueuedOperation | None:
         """The request that is executed next; None if none waits, or while one is being executed."""
         return self._entries[0] if self._entries and not self.is_busy else None
 
-    def take(self, now: float) -> Entry:
+    def take(self, now: float) -> QueuedOperation:
         """Remove and return the next request, to execute it now."""
         self.is_busy = True
         entry = self._entries.popleft()

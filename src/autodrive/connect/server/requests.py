@@ -15,7 +15,14 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, Entry, Limits, RequestQueue
+from autodrive.connect.server.request_queue import (
+    BURST,
+    MAX_PENDING,
+    MAX_PENDING_BYTES,
+    Limits,
+    QueuedOperation,
+    RequestQueue,
+)
 from autodrive.protocol.messages import (
     AddBox,
     Frame,
@@ -114,7 +121,7 @@ class Turn(NamedTuple):
 
     client: ConnectedClient
     queue: RequestQueue
-    entry: Entry
+    entry: QueuedOperation
     older: tuple[Turn, ...] = ()
     """Requests of other clients that it replaces; its answer is also theirs."""
 
@@ -203,7 +210,7 @@ class Requests:
         now = time.perf_counter()  # exact: the time of the event loop stands still during a turn
         earliest = math.inf
         waiting = [(client, queue) for client, queue in self._queues.items() if queue.next]
-        for client, queue in sorted(waiting, key=lambda one: self._latest_turn(one[1])):
+        for client, queue in sorted(waiting, key=lambda client_and_queue: self._latest_turn(client_and_queue[1])):
             if (entry := queue.next) is None:  # it was executed with a request of another client
                 continue
             free_at = queue.limits.of(entry.operation).free_at
@@ -231,14 +238,16 @@ class Requests:
         if not isinstance(turn.entry.operation, LoadScenario):
             return turn
         waiting = [
-            (who, its) for who, its in self._queues.items() if its.next and isinstance(its.next.operation, LoadScenario)
+            (who, queue)
+            for who, queue in self._queues.items()
+            if queue.next and isinstance(queue.next.operation, LoadScenario)
         ]
-        turns = [turn, *(Turn(who, its, its.take(now)) for who, its in waiting)]
-        *older, newest = sorted(turns, key=lambda one: one.entry.number)
+        turns = [turn, *(Turn(who, queue, queue.take(now)) for who, queue in waiting)]
+        *older, newest = sorted(turns, key=lambda turn: turn.entry.number)
         return newest._replace(older=tuple(older))
 
     def _execute_soon(self) -> None:
-        """In a new turn of the event loop, so that many short Steps do not nest."""
+        """Execute the next request in a new turn of the event loop, so that many short Steps do not nest."""
         self._stop_timer()
         self._timer = asyncio.get_running_loop().call_soon(self._execute_next)
 
@@ -281,9 +290,9 @@ class Requests:
 
     def _respond(self, turn: Turn, frame: Frame, answer: Answer = NO_ANSWER) -> None:
         try:
-            for one in (turn, *turn.older):
-                for id in one.entry.ids:
-                    one.client.respond(id, frame, *answer)
+            for answered in (turn, *turn.older):
+                for id in answered.entry.ids:
+                    answered.client.respond(id, frame, *answer)
         except Exception as error:  # it cannot be encoded
             self._refuse(turn, error)
             return
@@ -297,9 +306,9 @@ class Requests:
             log.error("server: a %s failed", type(turn.entry.operation).__name__, exc_info=error)
         code = "taken" if isinstance(error, _TakenError) else "request"
         try:
-            for one in (turn, *turn.older):
-                for id in one.entry.ids:
-                    one.client.send_error(Error(code, str(error), id))
+            for refused in (turn, *turn.older):
+                for id in refused.entry.ids:
+                    refused.client.send_error(Error(code, str(error), id))
         finally:
             self._end(turn)
 
@@ -308,12 +317,12 @@ class Requests:
         now, entry = time.perf_counter(), turn.entry
         is_of_server = isinstance(entry.operation, OF_SERVER)
         is_limited = not isinstance(entry.operation, Step) and not self._simulation.is_paused
-        for one in (turn, *turn.older):
-            one.queue.is_busy = False
+        for ended in (turn, *turn.older):
+            ended.queue.is_busy = False
             if is_limited:
                 took = now - entry.started if is_of_server or entry.is_build else entry.work  # with its scene files
                 work = max(took, LEAST_WORK.get(type(entry.operation), 0.0))
-                one.queue.limits.pay(entry.operation, work, now)
+                ended.queue.limits.pay(entry.operation, work, now)
         if is_limited and not is_of_server:
             self._limits.pay(entry.operation, entry.work, now)
         if isinstance(entry.operation, LoadScenario):
@@ -468,7 +477,7 @@ class Requests:
         self._keep(asyncio.create_task(answer()))
 
     def _weather_text(self, frame: Frame) -> str:
-        """In another thread, one at a time; it is made once for each weather."""
+        """Text of the weather in numbers; made in another thread, one at a time, and once for each weather."""
         from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
 
         is_day = None if frame.time_of_day is None else frame.scene_light
@@ -478,7 +487,7 @@ class Requests:
         return self._described[1]
 
     def _file_answer(self, operation: ListFiles | SaveFile | ExportMap) -> Answer:
-        """In another thread: the world that it sees is the present one."""
+        """The answer to a request for files, made in another thread: the world that it sees is the present one."""
         match operation:
             case ListFiles():
                 return Answer(files=self._own_files.listed())
@@ -491,7 +500,7 @@ class Requests:
                 return Answer(text, picture=picture)
 
     def _described_vehicle(self, name: str) -> Answer:
-        """In another thread, as `_file_answer`."""
+        """The answer with the URDF of a vehicle, made in another thread."""
         from autodrive.world.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
 
         world = self._simulation.world

@@ -47,7 +47,7 @@ MESSAGE_LIMIT = MAX_TEXT + 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 
 
-class Server:
+class SimulationServer:
     """Serves a Simulation to browsers and programs: `start`, then `url` is the link to open; `close` stops it.
 
     `served` None: clients are told what `starting` says until `serve` is called. `page`: folder of the built page;
@@ -129,7 +129,7 @@ class Server:
         self._thread.join()
         self._thread = None
 
-    def __enter__(self) -> Server:
+    def __enter__(self) -> SimulationServer:
         self.start()
         return self
 

@@ -12,7 +12,7 @@ from uvicorn.protocols.utils import ClientDisconnected
 
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.connect.server.access import AccessPolicy, is_host
-from autodrive.connect.server.files import File
+from autodrive.connect.server.files import ServedFile
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class WebApplication:
     def __init__(
         self,
         policy: AccessPolicy,
-        find: Callable[[str], File | None],
+        find: Callable[[str], ServedFile | None],
         serve: Callable[[Scope, Receive, Send], Awaitable[None]],
     ) -> None:
         self._policy = policy

@@ -24,7 +24,7 @@ from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.expression import Expression
 from autodrive.experiments.campaigns.metrics import METRICS
-from autodrive.experiments.campaigns.sampling import Design, Range, Sampling, Value
+from autodrive.experiments.campaigns.sampling import Design, ParameterRange, Sampling, Value
 from autodrive.experiments.policies.policy import DATA as POLICIES
 from autodrive.experiments.policies.policy import Policy
 from autodrive.protocol.messages import Event
@@ -61,7 +61,7 @@ class CampaignSpec(Spec):
     """'my_driver.py:Driver', 'policy.npz', or the command line of a devkit script with '{port}' for its port."""
     vehicle: str = ""
     """Vehicle that metrics and events are about; left out: the first one."""
-    parameters: dict[str, Range] = Field(default_factory=dict)
+    parameters: dict[str, ParameterRange] = Field(default_factory=dict)
     """Values by path, such as 'vehicles.V1.grip_factor', 'driver.lookahead' or 'latency'."""
     samples: Sampling = Sampling()
     seeds: int | tuple[int, ...] = 1
@@ -82,13 +82,13 @@ class CampaignSpec(Spec):
 
     @field_validator("parameters", mode="before")
     @classmethod
-    def _short_forms(cls, given: Any) -> Any:
+    def _short_forms(cls, parameters: Any) -> Any:
         """A list is a choice, and a value the only one."""
-        if not isinstance(given, dict):
-            return given
+        if not isinstance(parameters, dict):
+            return parameters
         return {
-            path: one if isinstance(one, dict) else {"choice": one if isinstance(one, list) else [one]}
-            for path, one in given.items()
+            path: values if isinstance(values, dict) else {"choice": values if isinstance(values, list) else [values]}
+            for path, values in parameters.items()
         }
 
     @property
@@ -103,7 +103,7 @@ class Campaign:
 
     spec: CampaignSpec
     descriptions: Descriptions
-    """Of the scenario, with its files."""
+    """The scenario with its files."""
     folder: Path
     name: str = "campaign"
     path: Path | None = field(default=None, compare=False)
@@ -146,7 +146,7 @@ class Campaign:
 
     @property
     def scenario(self) -> ScenarioSpec:
-        """Of all runs, before their parameters."""
+        """The scenario of all runs, before their parameters."""
         return self.descriptions.specs.scenario
 
     @property
@@ -178,22 +178,22 @@ class Campaign:
         """Number of runs."""
         return len(self.design) * len(self.spec.seed_list)
 
-    def run(self, number: int) -> Run:
+    def run(self, number: int) -> CampaignRun:
         """The run of that number, from 0."""
         seeds = self.spec.seed_list
         sample, k = divmod(number, len(seeds))
-        return Run(number, sample, seeds[k], self.design[sample])
+        return CampaignRun(number, sample, seeds[k], self.design[sample])
 
 
 @dataclass(frozen=True)
-class Run:
+class CampaignRun:
     """One run of a campaign."""
 
     number: int
     sample: int
     seed: int
     values: dict[str, Value]
-    """Of the parameters, by path."""
+    """Values of the parameters, by path."""
     recording: str = ""
     """Recording file that is written, as `record` says; empty: none."""
 
@@ -250,8 +250,8 @@ def error_text(error: BaseException, folder: Path) -> str:
 def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beside the scenario: places and texts."""
     for i, name in enumerate(spec.metrics):
-        if found := FUNCTION.fullmatch(name):
-            if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+        if match := FUNCTION.fullmatch(name):
+            if problem := _loading_problem(folder, match["file"], match["name"], spec.time_limit):
                 yield ("metrics", i), problem
         elif name not in METRICS:
             yield ("metrics", i), f"'{name}' is not known. {suggest(name, sorted(METRICS))}"
@@ -263,8 +263,8 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
             Expression(spec.pass_, columns)
         except ValueError as error:
             yield ("pass",), str(error)
-    if found := FUNCTION.fullmatch(spec.driver):
-        if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+    if match := FUNCTION.fullmatch(spec.driver):
+        if problem := _loading_problem(folder, match["file"], match["name"], spec.time_limit):
             yield ("driver",), problem
     elif policy := policy_file(spec.driver, folder):
         try:
@@ -292,15 +292,15 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         if parameters.DRIVER.fullmatch(name) and not FUNCTION.fullmatch(spec.driver):
             yield ("parameters", name), "only a class 'FILE.py:CLASS' has arguments; another driver would ignore it"
     if method == "grid":
-        for name, one in ranges.items():
-            if one.is_continuous:
+        for name, range_ in ranges.items():
+            if range_.is_continuous:
                 yield ("parameters", name), "a range needs samples: {method: sobol, count: ...}, or another method"
     if method in ("grid", "list") and spec.samples.count is not None:
         yield ("samples", "count"), f"the method '{method}' has no count"
     if method in ("random", "latin_hypercube", "sobol") and spec.samples.count is None:
         yield ("samples",), f"the method '{method}' needs a count"
     if method == "list":
-        crossed = {name for name, one in ranges.items() if one.grid}
+        crossed = {name for name, range_ in ranges.items() if range_.grid}
         for i, point in enumerate(spec.samples.points):
             if wrong := sorted(set(point) ^ (set(ranges) - crossed)):
                 yield ("samples", "points", i), f"must have each parameter without a grid, once: {', '.join(wrong)}"

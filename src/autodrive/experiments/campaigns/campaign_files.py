@@ -18,7 +18,7 @@ class CampaignFiles(Code):
     """A campaign and the files that its runs read, besides those of its scenario: of driver, metrics and `files`."""
 
     campaign: Campaign
-    """Its folder is absolute."""
+    """The campaign, whose folder is absolute."""
 
     @classmethod
     def of(cls, campaign: Campaign) -> CampaignFiles:
@@ -28,7 +28,7 @@ class CampaignFiles(Code):
 
     @property
     def opaque(self) -> str:
-        """As for other code; empty if `files` names code."""
+        """Code that the files do not name, see `Code.opaque`; empty if `files` names code."""
         return "" if any(name.endswith(".py") for name in self.campaign.spec.files) else super().opaque
 
     @property
@@ -38,7 +38,10 @@ class CampaignFiles(Code):
 
     @classmethod
     def pack(cls, campaign: Campaign) -> CampaignFiles:
-        """The same for other machines. Raises `AutodriveError` also for a file that would not be found there."""
+        """Files of a campaign for other machines.
+
+        Raises `AutodriveError` also for a file that would not be found there.
+        """
         spec = campaign.spec
         for name in (*spec.driver.split(), *spec.metrics, *spec.files, *_values(campaign)):
             file = Path(name.partition(":")[0])
@@ -58,16 +61,16 @@ class CampaignFiles(Code):
         descriptions, spec = self.campaign.descriptions, self.campaign.spec
         scenario = descriptions.specs.scenario
         vehicles = {
-            name: one.model_copy(
-                update={"own_sensors": {key: self.copy_of(path, target) for key, path in one.own_sensors.items()}}
+            name: placement.model_copy(
+                update={"own_sensors": {key: self.copy_of(path, target) for key, path in placement.own_sensors.items()}}
             )
-            for name, one in scenario.vehicles.items()
+            for name, placement in scenario.vehicles.items()
         }
         specs = replace(descriptions.specs, scenario=scenario.model_copy(update={"vehicles": vehicles}))
         is_script = "{port}" in spec.driver
         changes = {
             "driver": self.command_with_copies(spec.driver, target) if is_script else self._there(spec.driver, target),
-            "metrics": tuple(self._there(one, target) for one in spec.metrics),
+            "metrics": tuple(self._there(metric, target) for metric in spec.metrics),
         }
         return replace(
             self.campaign,
@@ -89,9 +92,11 @@ def own_files(campaign: Campaign) -> Iterator[Path]:
     spec, folder = campaign.spec, campaign.folder
     yield from (folder / name for name in spec.files)
     yield from map(Path, _values(campaign))
-    names = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
+    names = [match["file"] for name in (spec.driver, *spec.metrics) if (match := FUNCTION.fullmatch(name))]
     names += [
-        path.rpartition(":")[0] for one in campaign.scenario.vehicles.values() for path in one.own_sensors.values()
+        path.rpartition(":")[0]
+        for placement in campaign.scenario.vehicles.values()
+        for path in placement.own_sensors.values()
     ]
     for name in names:
         yield from sources(folder / name)
@@ -103,7 +108,7 @@ def own_files(campaign: Campaign) -> Iterator[Path]:
 
 def _values(campaign: Campaign) -> Iterator[str]:
     """Files that are values of parameters."""
-    for one in campaign.spec.parameters.values():
-        for value in one.values:
+    for range_ in campaign.spec.parameters.values():
+        for value in range_.values:
             if isinstance(value, str) and is_yaml(value) and Path(value).is_file():
                 yield value

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.connect.bridge.one_vehicle import OneVehicle
     from autodrive.connect.bridge.script_process import ScriptProcess
-    from autodrive.experiments.campaigns.scene import Scene
+    from autodrive.experiments.campaigns.scene import RunScene
     from autodrive.experiments.policies.policy import Policy
 
 Commands: TypeAlias = Mapping[str, Command] | Command | None
@@ -26,7 +26,7 @@ CHECK_INTERVAL = 0.2
 class Driver(Protocol):
     """What the class of a user has. A new one is made for each run; `driver.NAME` are arguments of the class."""
 
-    def reset(self, scene: Scene) -> None:
+    def reset(self, scene: RunScene) -> None:
         """Called once, before the first Frame."""
         ...
 
@@ -49,7 +49,7 @@ class PolicyDriver:
         self._racer, self._period = PolicyRacer(_policy(file)), PERIOD
         self._command = Command()
 
-    def reset(self, scene: Scene) -> None:
+    def reset(self, scene: RunScene) -> None:
         """Look at the tick. Raises `AutodriveError` if scans do not come at equal distances in it."""
         self._vehicle = scene.vehicle
         self._ticks = round(self._period / scene.scenario.tick)
@@ -85,7 +85,7 @@ class DevkitScript:
         self._seat: OneVehicle | None = None
         self._vehicle = ""
 
-    def reset(self, scene: Scene) -> None:
+    def reset(self, scene: RunScene) -> None:
         """Remember the vehicle; the script starts with the first Frame."""
         self._vehicle = scene.vehicle
         self._profile = scene.vehicles[scene.vehicle].devkit_profile

@@ -10,11 +10,11 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Protocol
 
-from autodrive.base.code_snapshot import Snapshot
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.base.code_snapshot import CodeSnapshot
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
-from autodrive.experiments.campaigns.runner import Result, Runner
-from autodrive.experiments.campaigns.worker import Worker
+from autodrive.experiments.campaigns.runner import Runner, RunResult
+from autodrive.experiments.campaigns.worker import CampaignWorker
 
 
 class Executor(Protocol):
@@ -30,11 +30,11 @@ class Executor(Protocol):
         """The files that all runs read, whatever has become of them."""
         ...
 
-    def submit(self, run: Run) -> None:
+    def submit(self, run: CampaignRun) -> None:
         """Run it as soon as a process is free."""
         ...
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Iterator[RunResult]:
         """Results as runs end, until all that were submitted have ended; more may be submitted meanwhile."""
         ...
 
@@ -52,19 +52,19 @@ class InProcessExecutor:
         """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
         self.files = files or CampaignFiles.of(campaign)
         """What the runs read."""
-        self._snapshot = Snapshot(self.files, self.files.data)
+        self._snapshot = CodeSnapshot(self.files, self.files.data)
         self._stack = contextlib.ExitStack()
         self._stack.callback(self._snapshot.close)
         self._stack.enter_context(self._snapshot.workplace.entered())
         self._runner = Runner(self.files.campaign_in(self._snapshot.root))
         self._stack.callback(self._runner.close)
-        self._runs: deque[Run] = deque()
+        self._runs: deque[CampaignRun] = deque()
 
-    def submit(self, run: Run) -> None:
+    def submit(self, run: CampaignRun) -> None:
         """Run it when `results` comes to it."""
         self._runs.append(run)
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Iterator[RunResult]:
         """Results in the order of the runs."""
         while self._runs:
             with contextlib.chdir(self._snapshot.workplace.directory):
@@ -83,26 +83,26 @@ class LocalExecutor:
         """`files`: those of the campaign; None: as they are now. Raises `AutodriveError`."""
         self.files = files or CampaignFiles.of(campaign)
         """What the runs read."""
-        self._snapshot = Snapshot(self.files, self.files.data)
+        self._snapshot = CodeSnapshot(self.files, self.files.data)
         copy = self.files.campaign_in(self._snapshot.root)
-        self.workers = [Worker(copy, self._snapshot.workplace) for _ in range(workers)]
+        self.workers = [CampaignWorker(copy, self._snapshot.workplace) for _ in range(workers)]
         self.size = workers
         """Number of worker processes."""
-        self._idle = queue.SimpleQueue[Worker]()
+        self._idle = queue.SimpleQueue[CampaignWorker]()
         for worker in self.workers:
             self._idle.put(worker)
         self._threads = ThreadPoolExecutor(workers, "autodrive-campaign")
-        self._pending: set[Future[Result]] = set()
+        self._pending: set[Future[RunResult]] = set()
 
-    def submit(self, run: Run) -> None:
+    def submit(self, run: CampaignRun) -> None:
         """Run it as soon as a worker is free."""
         self._pending.add(self._threads.submit(self._run, run))
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Iterator[RunResult]:
         """Results as runs end."""
         while self._pending:
             ended, self._pending = wait(self._pending, return_when=FIRST_COMPLETED)
-            yield from (one.result() for one in ended)
+            yield from (future.result() for future in ended)
 
     def cancel(self) -> None:
         """End the workers."""
@@ -111,7 +111,7 @@ class LocalExecutor:
             worker.close()
         self._snapshot.close()
 
-    def _run(self, run: Run) -> Result:
+    def _run(self, run: CampaignRun) -> RunResult:
         worker = self._idle.get()
         try:
             return _named(worker.run(run), self._snapshot)
@@ -119,6 +119,6 @@ class LocalExecutor:
             self._idle.put(worker)
 
 
-def _named(result: Result, snapshot: Snapshot) -> Result:
+def _named(result: RunResult, snapshot: CodeSnapshot) -> RunResult:
     """The result; its error names the originals."""
     return replace(result, error=snapshot.named(result.error))

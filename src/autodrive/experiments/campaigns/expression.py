@@ -17,7 +17,11 @@ _ARITHMETIC: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_FUNCTIONS: dict[str, Callable[[list[float]], float]] = {"abs": lambda one: abs(one[0]), "min": min, "max": max}
+_FUNCTIONS: dict[str, Callable[[list[float]], float]] = {
+    "abs": lambda arguments: abs(arguments[0]),
+    "min": min,
+    "max": max,
+}
 _MARGINS: dict[type[ast.cmpop], Callable[[float, float], float]] = {
     ast.Lt: lambda a, b: b - a,
     ast.LtE: lambda a, b: b - a,
@@ -35,7 +39,7 @@ _COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.NotEq: lambda a, b: a != b and not (math.isnan(a) or math.isnan(b)),
 }
 MAX_LENGTH = 2000
-"""Of the text of an expression."""
+"""Longest text of an expression."""
 
 
 class Expression:
@@ -130,7 +134,7 @@ def _number(node: Any, values: Mapping[str, float]) -> float:
         case ast.UnaryOp(op=op, operand=operand):
             return -_number(operand, values) if isinstance(op, ast.USub) else _number(operand, values)
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            numbers = [_number(one, values) for one in arguments]
+            numbers = [_number(argument, values) for argument in arguments]
             return math.nan if any(map(math.isnan, numbers)) else _FUNCTIONS[name](numbers)
         case ast.Name(id=name):
             return values[name]

@@ -15,9 +15,9 @@ from pathlib import Path
 from autodrive.base.cache import PACKAGE, cache_folder
 from autodrive.base.version import __version__
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Run
+from autodrive.experiments.campaigns.campaign import CampaignRun
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.runner import RunResult
 from autodrive.scenario.files import files_of
 
 log = logging.getLogger(__name__)
@@ -27,14 +27,14 @@ ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 WAIT = 10.0
 """Longest wait for another process that writes rows [s]."""
 KEPT = ("metrics", "end", "time", "digest")
-"""Of a result."""
+"""What is kept of a result."""
 
 
 class RunKeys:
     """The keys of the runs of a campaign."""
 
     def __init__(self, files: CampaignFiles) -> None:
-        """Of the campaign with these files, whatever they become."""
+        """Make keys for the campaign with these files, whatever they become."""
         campaign, spec = files.campaign, files.campaign.spec
         contents = sorted((os.path.relpath(name, files.folder), content) for name, content in files.files.items())
         self._campaign = campaign
@@ -47,9 +47,9 @@ class RunKeys:
         )
         self._files: dict[str, str] = {}
 
-    def of(self, run: Run) -> str:
+    def of(self, run: CampaignRun) -> str:
         """The key of a run."""
-        named = {path: one for path, one in run.values.items() if path in ("map", "race") or path.endswith(".type")}
+        named = {path: value for path, value in run.values.items() if path in ("map", "race") or path.endswith(".type")}
         names = json.dumps(named)
         if names not in self._files:
             texts = files_of(parameters.applied(self._campaign.descriptions, named).specs)
@@ -75,18 +75,22 @@ class RowCache:
         except (OSError, sqlite3.Error) as error:
             self._give_up(error)
 
-    def get(self, key: str, number: int) -> Result | None:
+    def get(self, key: str, number: int) -> RunResult | None:
         """The result of the run with that key; None if it is not known."""
         try:
-            found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
-            return None if found is None else Result(number, **json.loads(found[0]))
+            stored = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
+            return None if stored is None else RunResult(number, **json.loads(stored[0]))
         except (sqlite3.Error, ValueError, TypeError) as error:
             self._give_up(error)
             return None
 
-    def add(self, rows: Iterable[tuple[str, Result]]) -> None:
+    def add(self, rows: Iterable[tuple[str, RunResult]]) -> None:
         """Keep results; those with an error are not kept."""
-        texts = [(key, json.dumps({name: getattr(one, name) for name in KEPT})) for key, one in rows if not one.error]
+        texts = [
+            (key, json.dumps({name: getattr(result, name) for name in KEPT}))
+            for key, result in rows
+            if not result.error
+        ]
         try:
             with self._rows:
                 self._rows.executemany("INSERT OR REPLACE INTO rows VALUES (?, ?)", texts)

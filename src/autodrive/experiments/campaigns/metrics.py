@@ -14,7 +14,7 @@ import shapely
 from shapely.affinity import affine_transform
 
 from autodrive.base.transforms import yaw_from_quaternion
-from autodrive.experiments.campaigns.scene import Scene
+from autodrive.experiments.campaigns.scene import RunScene
 from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad
 
 T = TypeVar("T", bound=Collision | OffRoad | LapCompleted)
@@ -29,7 +29,7 @@ class Metric:
     every_tick: bool = True
     """False: `observe` receives a Frame each `PERIOD` only."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RunScene) -> None:
         self.scene = scene
         self.amount = 0.0
 
@@ -46,8 +46,8 @@ class Metric:
 class Kind:
     """Metrics of one number of each Frame: calling it makes one for a run."""
 
-    sample: Callable[[Scene, Frame, Frame | None], float]
-    """Of a Frame and of the one before, which the first one does not have; nan: none."""
+    sample: Callable[[RunScene, Frame, Frame | None], float]
+    """A number of a Frame and of the one before, which the first Frame does not have; nan: there is none."""
     take: Callable[[float, float], float] = operator.add
     """The amount with one more sample."""
     start: float = 0.0
@@ -56,15 +56,15 @@ class Kind:
     """The number, from the amount and the count of samples."""
     every_tick: bool = True
 
-    def __call__(self, scene: Scene) -> Metric:
+    def __call__(self, scene: RunScene) -> Metric:
         """The metric of a run."""
-        return _Sampled(scene, self)
+        return _SampledMetric(scene, self)
 
 
-class _Sampled(Metric):
-    """See `Kind`."""
+class _SampledMetric(Metric):
+    """A metric of a `Kind`, which samples Frames and combines the numbers."""
 
-    def __init__(self, scene: Scene, kind: Kind) -> None:
+    def __init__(self, scene: RunScene, kind: Kind) -> None:
         super().__init__(scene)
         self._kind, self.every_tick, self.amount = kind, kind.every_tick, kind.start
         self._count = 0
@@ -86,7 +86,7 @@ class MinClearance(Metric):
 
     every_tick = False
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RunScene) -> None:
         super().__init__(scene)
         self.amount = math.inf
         self._outlines = {name: _outline(spec) for name, spec in scene.vehicles.items()}
@@ -100,10 +100,10 @@ class MinClearance(Metric):
 
     def observe(self, frame: Frame) -> None:  # noqa: D102
         own = _placed(self._outlines[self.scene.vehicle], frame.vehicles[self.scene.vehicle].pose)
-        others = [_placed(self._boxes[name], one.pose) for name, one in frame.objects.items()]
+        others = [_placed(self._boxes[name], body.pose) for name, body in frame.objects.items()]
         others += [
-            _placed(self._outlines[name], one.pose)
-            for name, one in frame.vehicles.items()
+            _placed(self._outlines[name], vehicle.pose)
+            for name, vehicle in frame.vehicles.items()
             if name != self.scene.vehicle
         ]
         if others:
@@ -116,7 +116,7 @@ class MinClearance(Metric):
 class FunctionMetric(Metric):
     """A function of the user: it receives the list of all Frames and returns a number."""
 
-    def __init__(self, scene: Scene, function: Callable[[list[Frame]], Any]) -> None:
+    def __init__(self, scene: RunScene, function: Callable[[list[Frame]], Any]) -> None:
         super().__init__(scene)
         self._function = function
         self._frames: list[Frame] = []
@@ -129,48 +129,50 @@ class FunctionMetric(Metric):
         return math.nan if value is None else float(value)
 
 
-def _events(scene: Scene, frame: Frame, kind: type[T]) -> list[T]:
-    """Those of that kind of the vehicle."""
-    return [one for one in frame.events if isinstance(one, kind) and one.vehicle == scene.vehicle]
+def _events(scene: RunScene, frame: Frame, kind: type[T]) -> list[T]:
+    """Events of that kind of the vehicle."""
+    return [event for event in frame.events if isinstance(event, kind) and event.vehicle == scene.vehicle]
 
 
 def _count(kind: type[Collision | OffRoad | LapCompleted]) -> Kind:
     return Kind(lambda scene, frame, before: float(len(_events(scene, frame, kind))))
 
 
-def _lap_time(scene: Scene, frame: Frame, before: Frame | None) -> float:
-    return min((one.lap_time for one in _events(scene, frame, LapCompleted)), default=math.nan)
+def _lap_time(scene: RunScene, frame: Frame, before: Frame | None) -> float:
+    return min((lap.lap_time for lap in _events(scene, frame, LapCompleted)), default=math.nan)
 
 
-def _speed(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _speed(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Along the vehicle [m/s]."""
     return frame.vehicles[scene.vehicle].speed
 
 
-def _way(scene: Scene, frame: Frame, before: Frame | None) -> float:
-    """Of the rear axle centre in a tick [m]."""
+def _way(scene: RunScene, frame: Frame, before: Frame | None) -> float:
+    """Way of the rear axle centre in a tick [m]."""
     speed = math.hypot(*frame.vehicles[scene.vehicle].velocity[:2].tolist())
     return math.nan if before is None else speed * scene.scenario.tick
 
 
-def _work(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _work(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Increase of the kinetic energy [J]."""
     if before is None:
         return math.nan
     mass = scene.vehicles[scene.vehicle].body.mass
-    now, then = (0.5 * mass * speed * speed for speed in (_speed(scene, one, None) for one in (frame, before)))
+    now, then = (
+        0.5 * mass * speed * speed for speed in (_speed(scene, each_frame, None) for each_frame in (frame, before))
+    )
     return max(0.0, now - then)
 
 
-def _square_steering_rate(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _square_steering_rate(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """[rad^2/s^2]."""
     if before is None:
         return math.nan
-    angle, last = (one.vehicles[scene.vehicle].steering for one in (frame, before))
+    angle, last = (each_frame.vehicles[scene.vehicle].steering for each_frame in (frame, before))
     return ((angle - last) / scene.scenario.tick) ** 2
 
 
-def _lateral_error(scene: Scene, frame: Frame, before: Frame | None) -> float:
+def _lateral_error(scene: RunScene, frame: Frame, before: Frame | None) -> float:
     """Distance from the nearest lane that leads in the direction of the vehicle [m]; nan without one."""
     pose = frame.vehicles[scene.vehicle].pose
     x, y = pose.position[:2].tolist()
@@ -187,11 +189,11 @@ def _greatest(amount: float, sample: float) -> float:
 
 
 def _root_mean(amount: float, count: int, none: float = math.nan) -> float:
-    """Of squares."""
+    """The root of the mean of squares whose sum is `amount`."""
     return math.sqrt(amount / count) if count else none
 
 
-METRICS: dict[str, Callable[[Scene], Metric]] = {
+METRICS: dict[str, Callable[[RunScene], Metric]] = {
     "collisions": _count(Collision),
     "departures": _count(OffRoad),
     "distance": Kind(_way),
@@ -200,7 +202,7 @@ METRICS: dict[str, Callable[[Scene], Metric]] = {
     "laps": _count(LapCompleted),
     "lateral_error_max": Kind(_lateral_error, _greatest, math.nan, every_tick=False),
     "lateral_error_rms": Kind(
-        _lateral_error, lambda amount, one: amount + one * one, 0.0, _root_mean, every_tick=False
+        _lateral_error, lambda amount, sample: amount + sample * sample, 0.0, _root_mean, every_tick=False
     ),
     "max_speed": Kind(_speed, _greatest),
     "mean_speed": Kind(_speed, end=operator.truediv),

@@ -15,7 +15,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Described, Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
-from autodrive.experiments.campaigns.sampling import Range, Value
+from autodrive.experiments.campaigns.sampling import ParameterRange, Value
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.files import described
@@ -38,22 +38,22 @@ OF_VEHICLE = re.compile(r"vehicles\.(\w+)\.spec\.(.+)")
 """Path of a field of a vehicle's file, such as 'vehicles.V1.spec.wheels.radius'."""
 
 
-def errors(descriptions: Descriptions, path: str, values: Range) -> list[str]:
+def errors(descriptions: Descriptions, path: str, values: ParameterRange) -> list[str]:
     """What is wrong with a parameter."""
     if path == LATENCY:
-        fits = all(isinstance(one, int | float) and 0.0 <= one <= MAX_LATENCY for one in values.values)
+        fits = all(isinstance(value, int | float) and 0.0 <= value <= MAX_LATENCY for value in values.values)
         return [] if fits else [f"must be from 0 to {MAX_LATENCY:g} s"]
     if DRIVER.fullmatch(path):
         return []
     if path == "seed":
         return ["set the seeds of the runs with the key 'seeds'"]
-    found: list[str] = []
+    problems: list[str] = []
     for value in values.values:
         try:
             applied(descriptions, {path: value})
         except SpecError as error:
-            found += [text for text in error.errors if text not in found]
-    return found
+            problems += [text for text in error.errors if text not in problems]
+    return problems
 
 
 def is_compiled(path: str) -> bool:
@@ -74,15 +74,17 @@ def applied(descriptions: Descriptions, values: Mapping[str, Value]) -> Descript
     """The scenario with these values by path. Raises `SpecError` with all errors."""
     scenario = descriptions.specs.scenario
     tree = scenario.model_dump(exclude_unset=True)
-    tree.setdefault("vehicles", {name: one.model_dump(exclude_unset=True) for name, one in scenario.vehicles.items()})
+    tree.setdefault(
+        "vehicles", {name: placement.model_dump(exclude_unset=True) for name, placement in scenario.vehicles.items()}
+    )
     files: dict[str, dict[str, Value]] = {}
     for path, value in values.items():
         if path == LATENCY or DRIVER.fullmatch(path):
             continue
         if path.startswith(MAP) and isinstance(scenario.map, str):
             files.setdefault("map", {})[path.removeprefix(MAP)] = value
-        elif found := OF_VEHICLE.fullmatch(path):
-            files.setdefault(found[1], {})[found[2]] = value
+        elif match := OF_VEHICLE.fullmatch(path):
+            files.setdefault(match[1], {})[match[2]] = value
         else:
             _set(tree, path, value)
     result = described(specs.checked(tree, ScenarioSpec), known=descriptions)
@@ -92,25 +94,25 @@ def applied(descriptions: Descriptions, values: Mapping[str, Value]) -> Descript
     return result
 
 
-def _with_map(of: Specs, changes: Mapping[str, Value]) -> Specs:
-    """With other values in the file of the map."""
-    spec, text = _changed(of.map, type(of.map.spec), changes)
+def _with_map(specs: Specs, changes: Mapping[str, Value]) -> Specs:
+    """The files of a scenario, with other values in the file of the map."""
+    spec, text = _changed(specs.map, type(specs.map.spec), changes)
     numbered = tuple(enumerate(spec.placements, 1)) if isinstance(spec, MapSpec) else ()
-    return replace(of, map=replace(of.map, found=spec, error=None, text=text, placements=numbered))
+    return replace(specs, map=replace(specs.map, spec_or_none=spec, error=None, text=text, placements=numbered))
 
 
-def _with_vehicle(name: str, of: Specs, changes: Mapping[str, Value]) -> Specs:
-    """With other values in the file of one vehicle. It has a type of its own."""
-    vehicles = of.scenario.vehicles
+def _with_vehicle(name: str, specs: Specs, changes: Mapping[str, Value]) -> Specs:
+    """The files of a scenario, with other values in the file of one vehicle, which gets a type of its own."""
+    vehicles = specs.scenario.vehicles
     if name not in vehicles:
         raise SpecError([f"there is no vehicle '{name}'. {suggest(name, list(vehicles))}"])
-    file, type_ = of.vehicles[vehicles[name].type], f"{vehicles[name].type} of {name}"
+    file, type_ = specs.vehicles[vehicles[name].type], f"{vehicles[name].type} of {name}"
     spec, text = _changed(file, VehicleSpec, changes)
     placed = vehicles | {name: vehicles[name].model_copy(update={"type": type_})}
     return replace(
-        of,
-        scenario=of.scenario.model_copy(update={"vehicles": placed}),
-        vehicles={**of.vehicles, type_: replace(file, found=spec, error=None, text=text)},
+        specs,
+        scenario=specs.scenario.model_copy(update={"vehicles": placed}),
+        vehicles={**specs.vehicles, type_: replace(file, spec_or_none=spec, error=None, text=text)},
     )
 
 

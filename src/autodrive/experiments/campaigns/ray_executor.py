@@ -17,26 +17,27 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.base.code_snapshot import Workplace
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import versions
-from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.worker import Worker
+from autodrive.experiments.campaigns.runner import RunResult
+from autodrive.experiments.campaigns.worker import CampaignWorker
 
 LOCAL, AUTO = "local", "auto"
 """A cluster on this machine that ends with the campaign; the cluster that this machine is in."""
 CONNECT_TIME = 10.0
 """A cluster that does not accept a connection within that time is not there [s]."""
 LONGEST_FOLDER = 35
-"""Of temporary files [bytes]: Ray has sockets in it, whose paths have at most 107 bytes (103 on macOS)."""
+"""Longest path of the folder of temporary files [bytes]: Ray has sockets in it, whose paths have at most 107 bytes (103
+on macOS)."""
 END_TIME = 5.0
 """An actor that has not removed its files after that time is ended [s]."""
 LOSSES = 3
-"""If each actor has been lost so often without a result in between, something is wrong with all of them."""
+"""Number of times that each actor may be lost without a result in between; then something is wrong with all of them."""
 
 
 class Remote:
-    """On a node of the cluster: unpacks the campaign and runs runs in a worker process."""
+    """An actor on a node of the cluster: it unpacks the campaign and runs runs in a worker process."""
 
     def prepare(self, files: CampaignFiles) -> tuple[str, ...]:
         """Unpack the campaign; the versions here of what decides a result."""
@@ -44,11 +45,11 @@ class Remote:
         target = Path(self._folder.name)
         directory = target / files.directory
         workplace = Workplace(directory, target, files.root, files.paths)
-        self._worker = Worker(files.unpack(target), workplace)
+        self._worker = CampaignWorker(files.unpack(target), workplace)
         os.chdir(directory)  # an actor has its process alone
         return versions()
 
-    def run(self, run: Run) -> tuple[Result, bytes]:
+    def run(self, run: CampaignRun) -> tuple[RunResult, bytes]:
         """The result of a run, and its recording."""
         path = Path(self._folder.name) / "recording.mcap"
         result = self._worker.run(replace(run, recording=str(path)) if run.recording else run)
@@ -95,8 +96,8 @@ class RayExecutor:
         self._files = ray.put(self.files)
         self._actor: Any = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, max_concurrency=2)(Remote)
         self._versions = versions()
-        self._runs: deque[Run] = deque()
-        self._busy: dict[Any, tuple[Any, Run | None]] = {}
+        self._runs: deque[CampaignRun] = deque()
+        self._busy: dict[Any, tuple[Any, CampaignRun | None]] = {}
         """Reference of what an actor does -> the actor, and its run; None: it starts."""
         self._idle: list[Any] = []
         self._pending = self._losses = 0
@@ -105,13 +106,13 @@ class RayExecutor:
         for _ in range(self.size):
             self._start_actor()
 
-    def submit(self, run: Run) -> None:
+    def submit(self, run: CampaignRun) -> None:
         """Run it as soon as an actor is free."""
         self._pending += 1
         self._runs.append(run)
         self._distribute()
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Iterator[RunResult]:
         """Results as runs end. Raises `AutodriveError` if the nodes cannot run the campaign."""
         while self._pending:
             # All that have ended at once: with hundreds of actors, a look at all of them takes milliseconds.
@@ -179,7 +180,7 @@ class RayExecutor:
                 f"of at most {LONGEST_FOLDER} bytes  (/tmp: {error.strerror})"
             ) from None
 
-    def _answer(self, reference: Any, actor: Any, run: Run | None) -> tuple[Result, bytes] | None:
+    def _answer(self, reference: Any, actor: Any, run: CampaignRun | None) -> tuple[RunResult, bytes] | None:
         """What an actor has answered; None if it has started, or is lost: then its run waits for another one."""
         errors = self._ray.exceptions
         try:
@@ -203,7 +204,7 @@ class RayExecutor:
         if run is not None:
             return answer
         if answer != self._versions:
-            here, there = (", ".join(one[:-1]) for one in (self._versions, answer))
+            here, there = (", ".join(versions[:-1]) for versions in (self._versions, answer))
             raise AutodriveError(
                 "a node of the cluster has another autodrive, mujoco-core or numpy, or other sources of autodrive: "
                 f"{there} instead of {here}"
@@ -220,7 +221,7 @@ class RayExecutor:
             self._busy[actor.run.remote(run)] = actor, run
 
 
-def kept_here(result: Result, recording: bytes) -> Result:
+def kept_here(result: RunResult, recording: bytes) -> RunResult:
     """The result, with its recording written here."""
     if result.recording:
         path = Path(result.recording)

@@ -26,7 +26,7 @@ POINTS = 2000
 """Points of a plot at most, at equal distances in the table."""
 BINS = 10
 WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 340, 200, 54, 24, 34, 10
-"""Of a plot and its margins [pixels]."""
+"""Size of a plot and its margins [pixels]."""
 COLOURS = {"pass": "#2a8a4a", "fail": "#c8372d", "done": "#2b6cb0", "error": "#777"}
 
 STYLE = """
@@ -92,11 +92,12 @@ def _metrics(campaign: Campaign, numbers: dict[str, Any]) -> str:
     )
     rows = []
     for name in campaign.metric_names:
-        one = numbers["metrics"][name]
-        cells = f"<td class=text>{escape(name)}</td><td>{one['runs']}</td>"
-        if one["runs"]:
-            interval = "" if one["low"] is None else f"{one['low']:.4g} to {one['high']:.4g}"
-            cells += f"<td>{one['mean']:.4g}</td><td>{interval}</td><td>{one['min']:.4g}</td><td>{one['max']:.4g}</td>"
+        metric = numbers["metrics"][name]
+        cells = f"<td class=text>{escape(name)}</td><td>{metric['runs']}</td>"
+        if metric["runs"]:
+            interval = "" if metric["low"] is None else f"{metric['low']:.4g} to {metric['high']:.4g}"
+            cells += f"<td>{metric['mean']:.4g}</td><td>{interval}</td>"
+            cells += f"<td>{metric['min']:.4g}</td><td>{metric['max']:.4g}</td>"
         rows.append(f"<tr>{cells}</tr>")
     return f"<h2>Metrics</h2><table>{head}{''.join(rows)}</table>"
 
@@ -119,9 +120,9 @@ def _worst(campaign: Campaign, table: Columns) -> str:
     lines = []
     for row in rows:
         cells = "".join(f"<td>{_text(row[name])}</td>" for name in ("seed", *names))
-        what = row["error"] or row["end"]
+        reason = row["error"] or row["end"]
         lines.append(
-            f'<tr><td class="text {row["status"]}">{row["status"]}</td><td class="text">{escape(what)}</td>'
+            f'<tr><td class="text {row["status"]}">{row["status"]}</td><td class="text">{escape(reason)}</td>'
             f'<td class="text"><code>{escape(replay_command(campaign, row["run"]))}</code></td>{cells}</tr>'
         )
     return (
@@ -144,8 +145,10 @@ def _plots(campaign: Campaign, table: Columns) -> str:
                 parts.append(_rates(path, table.numbers(path)[is_judged], is_passed[is_judged]))
             else:
                 options = sorted(table[path].unique().to_pylist())
-                places = np.select([table.where(path, one) for one in options], np.arange(float(len(options))))
-                parts.append(_rates(path, places[is_judged], is_passed[is_judged], [_text(one) for one in options]))
+                places = np.select([table.where(path, option) for option in options], np.arange(float(len(options))))
+                parts.append(
+                    _rates(path, places[is_judged], is_passed[is_judged], [_text(option) for option in options])
+                )
         few = [path for path in varied if len(table[path].unique()) <= FEW]
         parts += [_crossed(table, few[0], other, is_passed, is_judged) for other in few[1:]]
     step = max(1, math.ceil(len(table) / POINTS))
@@ -178,20 +181,20 @@ def _rates(path: str, values: Floats, passed: Any, options: list[str] | None = N
         return ""
     distinct = np.unique(values)
     if len(distinct) <= BINS:
-        groups = [(float(one), passed[values == one]) for one in distinct]
+        groups = [(float(value), passed[values == value]) for value in distinct]
     else:
         edges = np.linspace(distinct[0], distinct[-1], BINS + 1)
         places = np.clip(np.digitize(values, edges) - 1, 0, BINS - 1)
         groups = [(float(edges[i] + edges[i + 1]) / 2, passed[places == i]) for i in range(BINS)]
     x, y = scale(values, LEFT + 8, WIDTH - RIGHT - 8), scale(np.array([0.0, 1.0]), HEIGHT - BOTTOM, TOP)
     marks = []
-    for at, of in groups:
-        if len(of):
-            low, high = wilson(int(of.sum()), len(of))
+    for at, passes in groups:
+        if len(passes):
+            low, high = wilson(int(passes.sum()), len(passes))
             marks.append(
                 f'<line x1="{x(at):.1f}" x2="{x(at):.1f}" y1="{y(low):.1f}" y2="{y(high):.1f}" stroke="#888"/>'
-                f'<circle cx="{x(at):.1f}" cy="{y(float(of.mean())):.1f}" r="3.5" fill="{COLOURS["pass"]}">'
-                f"<title>{int(of.sum())} of {len(of)}</title></circle>"
+                f'<circle cx="{x(at):.1f}" cy="{y(float(passes.mean())):.1f}" r="3.5" fill="{COLOURS["pass"]}">'
+                f"<title>{int(passes.sum())} of {len(passes)}</title></circle>"
             )
     return _figure(path, "pass rate", values, np.array([0.0, 1.0]), "".join(marks), options, inset=8)
 
@@ -216,8 +219,8 @@ def _scatter(path: str, name: str, xs: Floats, ys: Floats, status: list[str]) ->
         return ""
     x, y = scale(xs[is_finite], LEFT + 8, WIDTH - RIGHT - 8), scale(ys[is_finite], HEIGHT - BOTTOM, TOP)
     points = "".join(
-        f'<circle cx="{x(a):.1f}" cy="{y(b):.1f}" r="2" fill="{COLOURS[one]}" fill-opacity="0.6"/>'
-        for a, b, one, ok in zip(xs.tolist(), ys.tolist(), status, is_finite.tolist(), strict=True)
+        f'<circle cx="{x(a):.1f}" cy="{y(b):.1f}" r="2" fill="{COLOURS[status_of_run]}" fill-opacity="0.6"/>'
+        for a, b, status_of_run, ok in zip(xs.tolist(), ys.tolist(), status, is_finite.tolist(), strict=True)
         if ok
     )
     return _figure(path, name, xs[is_finite], ys[is_finite], points, inset=8)
@@ -246,7 +249,7 @@ def _figure(
 
 
 def _label(value: float) -> str:
-    """Of a tick: short, also where three digits would need an exponent."""
+    """Label of a tick of an axis: short, also where three digits would need an exponent."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 

@@ -15,11 +15,11 @@ from typing import Any
 from autodrive.base.errors import AutodriveError
 from autodrive.base.python_files import FUNCTION, load
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Campaign, Run, error_text
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun, error_text
 from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver
 from autodrive.experiments.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
 from autodrive.experiments.campaigns.sampling import Value
-from autodrive.experiments.campaigns.scene import Scene
+from autodrive.experiments.campaigns.scene import RunScene
 from autodrive.protocol.messages import Command, Frame
 from autodrive.world import World
 from autodrive.world.factory import new_world
@@ -29,18 +29,18 @@ KEPT = 8
 
 
 @dataclass(frozen=True)
-class Result:
+class RunResult:
     """What a run gave."""
 
     number: int
     metrics: dict[str, float] = field(default_factory=dict)
-    """By name; nan: there is none."""
+    """Values of the metrics by name; nan: there is none."""
     end: str = ""
     """'time', or the name of the event that ended it."""
     time: float = 0.0
     """Simulated time [s]."""
     digest: int = 0
-    """Of end, metrics and last poses: whether two runs differ."""
+    """Digest of end, metrics and last poses: whether two runs differ."""
     error: str = ""
     """Why there is no result; empty if there is one."""
     recording: str = ""
@@ -54,7 +54,7 @@ class Runner:
         self.campaign = campaign
         self._worlds: OrderedDict[str, World] = OrderedDict()
 
-    def run(self, run: Run, *, started: Callable[[], object] = lambda: None) -> Result:
+    def run(self, run: CampaignRun, *, started: Callable[[], object] = lambda: None) -> RunResult:
         """The result; an error of the driver is a result, too. `started` is called when the world is ready."""
         try:
             world = self.world(run.values)
@@ -63,7 +63,7 @@ class Runner:
             if run.recording and self.campaign.keeps_recording(result.metrics, result.error):
                 result = self._drive(run, world, Path(run.recording))
         except AutodriveError as error:
-            return Result(run.number, error=str(error).replace("\n", " "))
+            return RunResult(run.number, error=str(error).replace("\n", " "))
         return result
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class Runner:
                 self._worlds.popitem(last=False)[1].close()
         return self._worlds[key]
 
-    def _drive(self, run: Run, world: World, recording: Path | None = None) -> Result:
+    def _drive(self, run: CampaignRun, world: World, recording: Path | None = None) -> RunResult:
         factors: dict[str, dict[str, float]] = {}
         poses: dict[str, dict[str, float]] = {}
         for path, value in run.values.items():
@@ -96,13 +96,16 @@ class Runner:
                     poses.setdefault(name, {})[key] = float(value)
         world.set_factors(factors)
         placed = {**world.spec.vehicles, **world.spec.boxes}
-        starts = {name: _pose(placed[name], given) for name, given in poses.items()}
+        starts = {name: _pose(placed[name], pose) for name, pose in poses.items()}
         moved = {
-            kind: {name: one.model_copy(update=poses.get(name, {})) for name, one in getattr(world.spec, kind).items()}
+            kind: {
+                name: placement.model_copy(update=poses.get(name, {}))
+                for name, placement in getattr(world.spec, kind).items()
+            }
             for kind in ("vehicles", "boxes")
         }
         scenario = world.spec.model_copy(update={**moved, "seed": run.seed})
-        scene = Scene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
+        scene = RunScene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
         with contextlib.ExitStack() as stack:
             if recording is not None:
                 from autodrive.recording import Recorder  # noqa: PLC0415  an extra
@@ -114,26 +117,31 @@ class Runner:
             try:
                 result = self._frames(run, world, scene, frame, stack)
             except AutodriveError as error:
-                result = Result(run.number, time=world.time, error=f"{type(error).__name__}: {error}")
+                result = RunResult(run.number, time=world.time, error=f"{type(error).__name__}: {error}")
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a driver must not end the campaign, whatever it raises
                 reason = str(error) if isinstance(error, DriverError) else error_text(error, self.campaign.folder)
-                result = Result(run.number, time=world.time, error=reason)
+                result = RunResult(run.number, time=world.time, error=reason)
         return replace(result, recording=str(recording)) if recording else result
 
-    def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
+    def _frames(
+        self, run: CampaignRun, world: World, scene: RunScene, frame: Frame, stack: contextlib.ExitStack
+    ) -> RunResult:
         spec = self.campaign.spec
         arguments = {
-            found[1]: value for path, value in run.values.items() if (found := parameters.DRIVER.fullmatch(path))
+            match[1]: value for path, value in run.values.items() if (match := parameters.DRIVER.fullmatch(path))
         }
         driver = self._driver(arguments)
         if isinstance(driver, DevkitScript):
             stack.callback(driver.close)
         driver.reset(scene)
-        metrics = {name: self._metric(one, scene) for name, one in zip(self.campaign.metric_names, spec.metrics)}  # noqa: B905
-        in_each = [one for one in metrics.values() if one.every_tick]
-        sampled = [one for one in metrics.values() if not one.every_tick]
+        metrics = {
+            name: self._metric(metric_name, scene)
+            for name, metric_name in zip(self.campaign.metric_names, spec.metrics)  # noqa: B905
+        }
+        in_each = [metric for metric in metrics.values() if metric.every_tick]
+        sampled = [metric for metric in metrics.values() if not metric.every_tick]
         period = max(1, round(PERIOD / scene.scenario.tick))
         delay = round(float(run.values.get(parameters.LATENCY, 0.0)) / scene.scenario.tick)
         sent: deque[Commands] = deque()
@@ -152,8 +160,8 @@ class Runner:
             if frame.events and (ended := self._ended(frame)):
                 end = ended
                 break
-        values = {name: float(one.value()) for name, one in metrics.items()}
-        return Result(run.number, values, end, world.time, _digest(frame, end, values))
+        values = {name: float(metric.value()) for name, metric in metrics.items()}
+        return RunResult(run.number, values, end, world.time, _digest(frame, end, values))
 
     def _ended(self, frame: Frame) -> str:
         """The event that ends the run, if any."""
@@ -163,27 +171,27 @@ class Runner:
     def _driver(self, arguments: dict[str, Value]) -> Driver:
         if policy := self.campaign.policy:
             return PolicyDriver(policy)
-        found = FUNCTION.fullmatch(self.campaign.spec.driver)
-        if not found:
+        match = FUNCTION.fullmatch(self.campaign.spec.driver)
+        if not match:
             return DevkitScript(self.campaign.spec.driver, self.campaign.folder)
-        return load(self.campaign.folder / found["file"], found["name"])(**arguments)
+        return load(self.campaign.folder / match["file"], match["name"])(**arguments)
 
-    def _metric(self, name: str, scene: Scene) -> Metric:
-        found = FUNCTION.fullmatch(name)
-        if not found:
+    def _metric(self, name: str, scene: RunScene) -> Metric:
+        match = FUNCTION.fullmatch(name)
+        if not match:
             return METRICS[name](scene)
-        return FunctionMetric(scene, load(self.campaign.folder / found["file"], found["name"]))
+        return FunctionMetric(scene, load(self.campaign.folder / match["file"], match["name"]))
 
 
-def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]:
+def _pose(placed: Any, changes: Mapping[str, float]) -> tuple[float, float, float]:
     """x, y [m] and yaw [rad] of a vehicle or a box, with the values that are given."""
-    x, y, yaw_deg = (given.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
+    x, y, yaw_deg = (changes.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
     return x, y, math.radians(yaw_deg)
 
 
 def _digest(frame: Frame, *results: object) -> int:
-    """Of the last poses and of other results, in 8 bytes."""
-    poses = [one.pose for one in (*frame.vehicles.values(), *frame.objects.values())]
+    """A digest of the last poses and of other results, in 8 bytes."""
+    poses = [body.pose for body in (*frame.vehicles.values(), *frame.objects.values())]
     data = b"".join(part.tobytes() for pose in poses for part in (pose.position, pose.orientation))
     data += repr((frame.time, *results)).encode()
     return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest(), signed=True)

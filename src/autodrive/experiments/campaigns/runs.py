@@ -13,11 +13,11 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.base.child_process import cpu_count
 from autodrive.base.errors import AutodriveError
 from autodrive.base.texts import encodable, with_encodable_texts
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.runner import RunResult
 from autodrive.experiments.campaigns.table import Table, locked
 
 if TYPE_CHECKING:
@@ -30,19 +30,19 @@ AHEAD = 2
 
 
 @dataclass
-class Progress:
+class CampaignProgress:
     """How far a campaign is."""
 
     total: int
     done: int = 0
     """Rows in the table."""
     reused: int = 0
-    """Of these, rows that were known."""
+    """Number of rows that were known before."""
     failures: int = 0
     errors: int = 0
 
     def count(self, status: str) -> None:
-        """There is one more row."""
+        """Count one more row."""
         self.done += 1
         self.failures += status == "fail"
         self.errors += status == "error"
@@ -51,7 +51,7 @@ class Progress:
 class CampaignObserver:
     """Called while a campaign runs; a subclass overrides what it needs."""
 
-    def progress(self, progress: Progress) -> None:
+    def progress(self, progress: CampaignProgress) -> None:
         """A row was added."""
 
 
@@ -61,7 +61,7 @@ class Outcome:
 
     folder: Path
     summary: dict[str, Any]
-    """As in `summary.json`."""
+    """Numbers of the campaign, as in `summary.json`."""
     is_complete: bool
     """False if it was stopped before all runs had ended."""
 
@@ -77,7 +77,7 @@ class Outcome:
 
 
 RESULT_FILES = ("table.parquet", "summary.json", "report.html")
-"""Of a campaign, in its folder, once it has ended."""
+"""Files with the results of a campaign, in its folder, once it has ended."""
 OWNER = ".campaign"
 """File in the folder of the results: path of the campaign's file from there."""
 
@@ -108,17 +108,17 @@ def run_campaign(
             )
         table = Table(folder, campaign)
         cache = (cache or RowCache()) if uses_cache else None
-        observer, progress = observer or CampaignObserver(), Progress(len(campaign))
-        batch: list[tuple[str, Result]] = []
+        observer, progress = observer or CampaignObserver(), CampaignProgress(len(campaign))
+        batch: list[tuple[str, RunResult]] = []
         earlier = table.start()
         files = executor.files if executor else CampaignFiles.of(campaign)
         write_file(folder / OWNER, _owner(campaign, folder))
         if (places := files.opaque) and uses_cache:
             log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)
-        keys, key_of = RunKeys(files), dict[int, tuple[Run, str]]()
+        keys, key_of = RunKeys(files), dict[int, tuple[CampaignRun, str]]()
         numbers = iter(range(len(campaign)))
 
-        def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
+        def add(run: CampaignRun, key: str, result: RunResult, *, is_new: bool) -> None:
             row = table.add(run, key, result)
             progress.count(row["status"])
             progress.reused += not is_new
@@ -134,7 +134,7 @@ def run_campaign(
                 cache.add(batch)
             batch.clear()
 
-        def reused(run: Run, key: str) -> Result | None:
+        def reused(run: CampaignRun, key: str) -> RunResult | None:
             row = earlier.get(run.number)
             if row is not None and row["key"] == key and not row["error"]:
                 result = _result(row, campaign)
@@ -145,7 +145,7 @@ def run_campaign(
                 return result
             return replace(result, recording=file.name) if file.is_file() else None
 
-        def new_runs() -> Iterator[Run]:
+        def new_runs() -> Iterator[CampaignRun]:
             """The runs that must run; those that are known are added."""
             for number in numbers:
                 if is_stopped and earlier.get(number) is None:
@@ -153,7 +153,7 @@ def run_campaign(
                 run = campaign.run(number)
                 if campaign.spec.record != "none":
                     file = folder / "recordings" / recording_name(number)
-                    run = Run(run.number, run.sample, run.seed, run.values, str(file.absolute()))
+                    run = CampaignRun(run.number, run.sample, run.seed, run.values, str(file.absolute()))
                 key = keys.of(run)
                 if (result := reused(run, key)) is not None:
                     add(run, key, result, is_new=False)
@@ -202,7 +202,7 @@ def run_search(
         write_file(folder / OWNER, "search")
         table, keys = Table(folder, campaign), RunKeys(executor.files)
         table.start()
-        observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
+        observer, progress, is_complete = observer or CampaignObserver(), CampaignProgress(trials), False
         try:
             for trial in falsify(campaign, executor, trials=trials):
                 progress.count(table.add(trial.run, keys.of(trial.run), trial.result)["status"])
@@ -254,7 +254,7 @@ def _owner(campaign: Campaign, folder: Path) -> str:
         return encodable(os.path.abspath(campaign.path or campaign.name))
 
 
-def _feed(executor: Executor, runs: Iterator[Run], count: int) -> None:
+def _feed(executor: Executor, runs: Iterator[CampaignRun], count: int) -> None:
     for _ in range(count):
         if (run := next(runs, None)) is not None:
             executor.submit(run)
@@ -271,8 +271,8 @@ def _finish(campaign: Campaign, folder: Path, table: Table, is_complete: bool) -
     return Outcome(folder, numbers, is_complete)
 
 
-def _result(row: dict[str, Any], campaign: Campaign) -> Result:
+def _result(row: dict[str, Any], campaign: Campaign) -> RunResult:
     """The result that a row of a table was made of."""
     nan = float("nan")
     metrics = {name: nan if row.get(name) is None else row[name] for name in campaign.metric_names}
-    return Result(row["run"], metrics, row["end"], row["time"], row["digest"])
+    return RunResult(row["run"], metrics, row["end"], row["time"], row["digest"])

@@ -23,26 +23,26 @@ MAX_COUNT = 10**7
 """Samples that a campaign draws, at most."""
 
 
-class Range(Spec):
+class ParameterRange(Spec):
     """Values of one parameter; exactly one key."""
 
     uniform: Pair | None = None
     """Least and greatest value; all between are equally probable."""
     log_uniform: Pair | None = None
-    """Likewise, of the logarithm."""
+    """Lowest and highest value; the logarithm is distributed uniformly."""
     normal: Pair | None = None
     """Mean and standard deviation."""
     choice: tuple[Value, ...] | None = Field(default=None, min_length=1)
-    """One of these, equally probable; a list is the same."""
+    """Values of which one is drawn, equally probable; a list is the same."""
     grid: tuple[Value, ...] | None = Field(default=None, min_length=1)
-    """Each of these, with each sample of the other parameters."""
+    """Values that are all used, each with each sample of the other parameters."""
 
     @model_validator(mode="after")
-    def _is_one(self) -> Range:
-        given = {key: value for key, value in self if value is not None}
-        if len(given) != 1:
+    def _is_one(self) -> ParameterRange:
+        keys = {key: value for key, value in self if value is not None}
+        if len(keys) != 1:
             raise ValueError("give one of uniform, log_uniform, normal, choice and grid")
-        (kind, value), *_ = given.items()
+        (kind, value), *_ = keys.items()
         if kind in ("uniform", "log_uniform") and not value[0] < value[1]:
             raise ValueError(f"{kind}: the first number must be less than the second")
         if kind == "log_uniform" and value[0] <= 0.0:
@@ -85,7 +85,7 @@ class Sampling(Spec):
     count: int | None = Field(default=None, ge=1, le=MAX_COUNT)
     """Samples that are drawn; each is run with each combination of the parameters with 'grid'."""
     seed: int = Field(default=0, ge=0, lt=2**63)
-    """Of the draws."""
+    """Seed of the draws."""
     points: tuple[dict[str, Value], ...] = Field(default=(), max_length=100_000)
     """Values by parameter of each sample, for the method 'list'."""
 
@@ -93,13 +93,13 @@ class Sampling(Spec):
 class Design:
     """A sequence of points; a point has the value of each parameter by its path."""
 
-    def __init__(self, parameters: Mapping[str, Range], sampling: Sampling) -> None:
+    def __init__(self, parameters: Mapping[str, ParameterRange], sampling: Sampling) -> None:
         self._parameters = dict(parameters)
         self._sampling = sampling
         is_grid = sampling.method == "grid"
-        self._crossed = {name: one for name, one in self._parameters.items() if one.grid or is_grid}
-        self._drawn = {name: one for name, one in self._parameters.items() if name not in self._crossed}
-        self._sizes = [len(one.values) for one in self._crossed.values()]
+        self._crossed = {name: range_ for name, range_ in self._parameters.items() if range_.grid or is_grid}
+        self._drawn = {name: range_ for name, range_ in self._parameters.items() if name not in self._crossed}
+        self._sizes = [len(range_.values) for range_ in self._crossed.values()]
         self._draws = len(sampling.points) if sampling.method == "list" else (sampling.count or 1)
 
     @property
@@ -116,18 +116,18 @@ class Design:
     def __getitem__(self, i: int) -> dict[str, Value]:
         draw, cell = divmod(i, math.prod(self._sizes))
         crossed: dict[str, Value] = {}
-        for (name, one), size in zip(reversed(self._crossed.items()), reversed(self._sizes), strict=True):
+        for (name, range_), size in zip(reversed(self._crossed.items()), reversed(self._sizes), strict=True):
             cell, k = divmod(cell, size)
-            crossed[name] = one.values[k]
+            crossed[name] = range_.values[k]
         if self._sampling.method == "list":
             return crossed | self._sampling.points[draw]
         row = self._quantiles[draw].tolist() if self._drawn else []
-        drawn = {name: one.at(u) for (name, one), u in zip(self._drawn.items(), row, strict=True)}
+        drawn = {name: range_.at(u) for (name, range_), u in zip(self._drawn.items(), row, strict=True)}
         return {name: {**crossed, **drawn}[name] for name in self._parameters}
 
     @cached_property
     def _quantiles(self) -> Floats:
-        """In [0, 1), shape (draws, parameters)."""
+        """Quantiles of the draws in [0, 1), shape (draws, parameters)."""
         count, width, method = self._draws, len(self._drawn), self._sampling.method
         rng = np.random.default_rng(self._sampling.seed)
         if method == "random":

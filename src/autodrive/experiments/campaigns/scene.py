@@ -10,13 +10,13 @@ from autodrive.scenario.vehicles.spec import VehicleSpec
 
 
 @dataclass(frozen=True)
-class Scene:
+class RunScene:
     """The scenario of a run."""
 
     scenario: ScenarioSpec
-    """With the parameters and the seed of the run."""
+    """The scenario with the parameters and the seed of the run."""
     map: Map
     vehicles: dict[str, VehicleSpec]
-    """By name."""
+    """Vehicles by name."""
     vehicle: str
     """Name of the vehicle that metrics and events are about."""

@@ -11,10 +11,10 @@ from typing import Any
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.executor import Executor
-from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.sampling import Range, Value
+from autodrive.experiments.campaigns.runner import RunResult
+from autodrive.experiments.campaigns.sampling import ParameterRange, Value
 
 NO_MARGIN = 1e9
 """Margin of a run that has none, such as one that passes an equality."""
@@ -24,10 +24,10 @@ NO_MARGIN = 1e9
 class Trial:
     """One run of a search."""
 
-    run: Run
-    result: Result
+    run: CampaignRun
+    result: RunResult
     margin: float
-    """Of the pass criterion: below 0 the driver has failed."""
+    """Margin of the pass criterion: below 0 the driver has failed."""
 
     @property
     def has_failed(self) -> bool:
@@ -52,13 +52,13 @@ def falsify(
         raise AutodriveError("a search for failures needs the key 'pass' in the campaign")
     logging.getLogger("optuna").setLevel(logging.WARNING)
     study = optuna.create_study(direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed))
-    asked: dict[int, tuple[Any, Run]] = {}
+    asked: dict[int, tuple[Any, CampaignRun]] = {}
 
     def submit() -> None:
         number = len(study.trials)
         trial = study.ask()
-        values = {path: _suggested(trial, path, one) for path, one in campaign.spec.parameters.items()}
-        run = Run(number, number, campaign.spec.seed_list[0], values)
+        values = {path: _suggested(trial, path, range_) for path, range_ in campaign.spec.parameters.items()}
+        run = CampaignRun(number, number, campaign.spec.seed_list[0], values)
         asked[number] = trial, run
         executor.submit(run)
 
@@ -68,13 +68,13 @@ def falsify(
         for result in executor.results():
             trial, run = asked.pop(result.number)
             margin = math.nan if result.error else criterion.margin(result.metrics)
-            found = Trial(run, result, margin)
+            tried = Trial(run, result, margin)
             if result.error:
                 study.tell(trial, state=optuna.trial.TrialState.FAIL)
             else:
                 study.tell(trial, min(max(margin, -NO_MARGIN), NO_MARGIN))
-            yield found
-            if found.has_failed and stops:
+            yield tried
+            if tried.has_failed and stops:
                 return
             if len(study.trials) < trials:
                 submit()
@@ -82,13 +82,13 @@ def falsify(
         executor.cancel()
 
 
-def _suggested(trial: Any, path: str, one: Range) -> Value:
+def _suggested(trial: Any, path: str, range_: ParameterRange) -> Value:
     """The value of a parameter that the search wants to try."""
-    if one.uniform:
-        return trial.suggest_float(path, *one.uniform)
-    if one.log_uniform:
-        return trial.suggest_float(path, *one.log_uniform, log=True)
-    if one.normal:
-        return one.at(trial.suggest_float(path, 0.0, 1.0))
-    values = [json.dumps(value) for value in one.values]
+    if range_.uniform:
+        return trial.suggest_float(path, *range_.uniform)
+    if range_.log_uniform:
+        return trial.suggest_float(path, *range_.log_uniform, log=True)
+    if range_.normal:
+        return range_.at(trial.suggest_float(path, 0.0, 1.0))
+    values = [json.dumps(value) for value in range_.values]
     return json.loads(trial.suggest_categorical(path, values))

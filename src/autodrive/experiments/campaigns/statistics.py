@@ -45,22 +45,22 @@ def mean_interval(values: Floats) -> tuple[float, float]:
 
 def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
     """The numbers of a campaign; JSON."""
-    counted = {one["values"]: one["counts"] for one in table["status"].value_counts().to_pylist()}
+    counted = {status["values"]: status["counts"] for status in table["status"].value_counts().to_pylist()}
     counts = {name: counted[name] for name in ("pass", "fail", "done", "error") if name in counted}
-    found: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(table), "counts": counts}
+    numbers: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(table), "counts": counts}
     errors = np.flatnonzero(table.where("status", "error"))[:1]
     if len(errors):
-        found["first_error"] = table["error"][int(errors[0])].as_py()
+        numbers["first_error"] = table["error"][int(errors[0])].as_py()
     independent = _independent(table)
-    found["seed_changes_results"] = bool(independent.all())
+    numbers["seed_changes_results"] = bool(independent.all())
     if campaign.criterion is not None:
         passed, failed = (int((table.where("status", name) & independent).sum()) for name in ("pass", "fail"))
         judged = passed + failed
         low, high = wilson(passed, judged)
         rate = passed / judged if judged else None
-        found["pass"] = {"criterion": campaign.spec.pass_, "runs": judged, "rate": rate, "low": low, "high": high}
-    found["metrics"] = {name: _metric(table.numbers(name)[independent]) for name in campaign.metric_names}
-    return found
+        numbers["pass"] = {"criterion": campaign.spec.pass_, "runs": judged, "rate": rate, "low": low, "high": high}
+    numbers["metrics"] = {name: _metric(table.numbers(name)[independent]) for name in campaign.metric_names}
+    return numbers
 
 
 def _independent(table: Columns) -> NDArray[np.bool_]:
@@ -79,4 +79,7 @@ def _metric(values: Floats) -> dict[str, Any]:
         return {"runs": 0}
     low, high = mean_interval(values)
     numbers = {"mean": np.mean(values), "low": low, "high": high, "min": values.min(), "max": values.max()}
-    return {"runs": len(values), **{name: float(one) if math.isfinite(one) else None for name, one in numbers.items()}}
+    return {
+        "runs": len(values),
+        **{name: float(number) if math.isfinite(number) else None for name, number in numbers.items()},
+    }

@@ -16,8 +16,8 @@ from autodrive.base.cache import make_folder, new_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.base.texts import encodable
-from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
+from autodrive.experiments.campaigns.runner import RunResult
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +53,7 @@ class Table:
         self._written = time.monotonic()
         self._count = 0
 
-    def run(self, number: int) -> Run | None:
+    def run(self, number: int) -> CampaignRun | None:
         """The run of that number, with the parameters in the table; None if it is not there."""
         kinds, types = _kinds(self._campaign), self._campaign.spec.parameters
         row = self._stored().get(number)
@@ -61,9 +61,9 @@ class Table:
             return None
         values = {path: row[path] for path in kinds}
         for path, kind in kinds.items():
-            if kind is str and not all(isinstance(one, str) for one in types[path].values):
+            if kind is str and not all(isinstance(value, str) for value in types[path].values):
                 values[path] = json.loads(row[path])
-        return Run(number, row["sample"], row["seed"], values)
+        return CampaignRun(number, row["sample"], row["seed"], values)
 
     def key(self, number: int) -> str:
         """The key of the run of that number; empty if it is not there."""
@@ -81,7 +81,7 @@ class Table:
         make_folder(self._parts)
         return self._stored()
 
-    def add(self, run: Run, key: str, result: Result) -> dict[str, Any]:
+    def add(self, run: CampaignRun, key: str, result: RunResult) -> dict[str, Any]:
         """Add a row; returns it."""
         row = row_of(self._campaign, run, key, result)
         self._rows.append(row)
@@ -137,14 +137,14 @@ class Stored:
         if self._block != number // BLOCK:
             self._block = number // BLOCK
             first = self._block * BLOCK
-            self._rows = {row["run"]: row for one in self._tables(first, first + BLOCK) for row in one.to_pylist()}
+            self._rows = {row["run"]: row for part in self._tables(first, first + BLOCK) for row in part.to_pylist()}
         return self._rows.get(number)
 
     def between(self, first: int, end: int) -> pyarrow.Table | None:
         """The rows of the runs from `first` to before `end`, if there are any, of files with the same columns."""
         import pyarrow as pa  # noqa: PLC0415  an extra
 
-        tables = [one for one in self._tables(first, end) if len(one)]
+        tables = [part for part in self._tables(first, end) if len(part)]
         return pa.concat_tables(tables).combine_chunks() if tables else None
 
     def _tables(self, first: int, end: int) -> list[pyarrow.Table]:
@@ -161,9 +161,11 @@ class Stored:
             with self._parquet.ParquetFile(path) as file:
                 columns = file.schema_arrow.names
                 groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
-                ranges = [one.column(columns.index("run")).statistics for one in groups]
+                ranges = [row_group.column(columns.index("run")).statistics for row_group in groups]
                 columns.index("key")
-                return min((one.min for one in ranges), default=0), max((one.max + 1 for one in ranges), default=0)
+                return min((statistics.min for statistics in ranges), default=0), max(
+                    (statistics.max + 1 for statistics in ranges), default=0
+                )
         except (ValueError, TypeError, AttributeError):  # pyarrow's errors of wrong files, and other columns
             raise AutodriveError(
                 f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
@@ -219,11 +221,11 @@ class Columns:
 
     def rows(self, runs: list[int]) -> list[dict[str, Any]]:
         """The rows of these runs, in this order."""
-        found = self._parquet.read_table(self._path, filters=[("run", "in", runs)]).to_pylist() if runs else []
-        return sorted(found, key=lambda row: runs.index(row["run"]))
+        rows = self._parquet.read_table(self._path, filters=[("run", "in", runs)]).to_pylist() if runs else []
+        return sorted(rows, key=lambda row: runs.index(row["run"]))
 
 
-def row_of(campaign: Campaign, run: Run, key: str, result: Result) -> dict[str, Any]:
+def row_of(campaign: Campaign, run: CampaignRun, key: str, result: RunResult) -> dict[str, Any]:
     """The row of a run."""
     criterion = campaign.criterion
     margin = None if criterion is None or result.error else criterion.margin(result.metrics)
@@ -257,19 +259,19 @@ def schema(campaign: Campaign) -> pyarrow.Schema:
 
     types: dict[str, Any] = dict.fromkeys(("run", "sample", "seed", "digest"), pa.int64())
     types |= dict.fromkeys(("margin", "time"), pa.float64())
-    of = {float: pa.float64(), int: pa.int64(), bool: pa.bool_(), str: pa.string()}
+    arrow_type = {float: pa.float64(), int: pa.int64(), bool: pa.bool_(), str: pa.string()}
     fields = [(name, types.get(name, pa.string())) for name in FIRST]
     fields += [(name, pa.float64()) for name in campaign.metric_names]
-    fields += [(path, of[kind]) for path, kind in _kinds(campaign).items()]
+    fields += [(path, arrow_type[kind]) for path, kind in _kinds(campaign).items()]
     return pa.schema(fields)
 
 
 def _kinds(campaign: Campaign) -> dict[str, type]:
     """Type of the column of each parameter."""
     kinds: dict[str, type] = {}
-    for path, one in campaign.spec.parameters.items():
-        types = {type(value) for value in one.values}
-        kinds[path] = float if one.is_continuous else next(iter(types)) if len(types) == 1 else str
+    for path, range_ in campaign.spec.parameters.items():
+        types = {type(value) for value in range_.values}
+        kinds[path] = float if range_.is_continuous else next(iter(types)) if len(types) == 1 else str
         if types == {int, float}:
             kinds[path] = float
     return kinds

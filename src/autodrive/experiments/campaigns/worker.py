@@ -13,8 +13,8 @@ from typing import Any
 
 from autodrive.base.child_process import start_module, take_stdout
 from autodrive.base.code_snapshot import Workplace
-from autodrive.experiments.campaigns.campaign import Campaign, Run
-from autodrive.experiments.campaigns.runner import Result, Runner
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
+from autodrive.experiments.campaigns.runner import Runner, RunResult
 
 TRIES = 2
 """A run that ends its process is run so often: something else may have ended it."""
@@ -25,7 +25,7 @@ END_TIME = 5.0
 """A process that has closed its pipes and has not ended after that time is killed [s]."""
 
 
-class Worker:
+class CampaignWorker:
     """A process that runs runs of one campaign, one at a time; it starts with the first run."""
 
     def __init__(self, campaign: Campaign, workplace: Workplace) -> None:
@@ -34,7 +34,7 @@ class Worker:
         self._process: subprocess.Popen[Any] | None = None
         self._is_closed = False
 
-    def run(self, run: Run) -> Result:
+    def run(self, run: CampaignRun) -> RunResult:
         """The result of a run; an error if it does not end within the limit or ends its process."""
         limit = self._campaign.spec.time_limit
         for _ in range(TRIES):
@@ -46,8 +46,8 @@ class Worker:
             except (EOFError, OSError, pickle.UnpicklingError):
                 code = self._end()
                 if code == LATE and time.monotonic() - start >= limit:
-                    return Result(run.number, error=f"the run did not end within {limit:g} s of wall time")
-        return Result(run.number, error="the run ended its process")
+                    return RunResult(run.number, error=f"the run did not end within {limit:g} s of wall time")
+        return RunResult(run.number, error="the run ended its process")
 
     def close(self) -> None:
         """Kill the process; may be called from another thread, whose run then has an error."""
@@ -58,10 +58,10 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """Of the process, or of its keeper; None if there is none."""
+        """Id of the process, or of its keeper; None if there is none."""
         return None if self._process is None else self._process.pid
 
-    def _answer(self, run: Run) -> Result:
+    def _answer(self, run: CampaignRun) -> RunResult:
         if self._process is None:
             self._process = start_module("autodrive.experiments.campaigns.worker", has_children=True)
             if self._is_closed:  # meanwhile

@@ -190,12 +190,12 @@ class RenderedWorld:
     def _serve(self) -> None:
         from autodrive.connect.server.files import built_page  # noqa: PLC0415
         from autodrive.connect.server.served import PageOptions, Served  # noqa: PLC0415
-        from autodrive.connect.server.server import Server  # noqa: PLC0415
+        from autodrive.connect.server.server import SimulationServer  # noqa: PLC0415
         from autodrive.world.scene_files import SceneFiles  # noqa: PLC0415
         from autodrive.world.simulation import Simulation  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
         served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))
-        server = Server(served, PageOptions(port=self._port), page=built_page())
+        server = SimulationServer(served, PageOptions(port=self._port), page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)

@@ -42,11 +42,11 @@ class Drive:
     x: Floats
     """Centre of the rear axle [m], shape (n,)."""
     y: Floats
-    """Likewise."""
+    """Position of the centre of the rear axle along y of the map [m], shape (n,)."""
     heading: Floats
     """[rad], shape (n,)."""
     speed: Floats
-    """Of that point [m/s], negative in reverse, shape (n,)."""
+    """Speed of the centre of the rear axle [m/s], negative in reverse, shape (n,)."""
     yaw_rate: Floats
     """[rad/s], shape (n,)."""
     command_time: Floats
@@ -60,9 +60,9 @@ class Drive:
     breaks: Floats
     """Times of collisions, resets and jumps [s]; the simulation explains no motion across them."""
     tick: float = 0.01
-    """Of the simulation [s]."""
+    """Tick of the simulation [s]."""
     substep: float = 0.001
-    """Of the simulation [s]."""
+    """Substep of the simulation [s]."""
     grip: float = 1.0
     """Factor of the friction of the ground."""
     source: str = "the drive"
@@ -162,10 +162,10 @@ def _of_recording(recording: Recording, name: str) -> Drive:
         columns = columns[:, columns[6] > 0.0]
     time, x, y, heading, speed, yaw_rate, _ = columns
     moved = Reset | Teleport | Place | Hold | SetPoses | ResetTo | Restored
-    breaks += [at for at, one in recording.requests if isinstance(one.request, moved)]
-    given = [(at, one.commands[name]) for at, one in recording.commands if name in one.commands]
+    breaks += [at for at, record in recording.requests if isinstance(record.request, moved)]
+    own_commands = [(at, record.commands[name]) for at, record in recording.commands if name in record.commands]
     commands: list[tuple[float, float, float]] = [(-math.inf, 0.0, 0.0)]
-    for at, command in given:
+    for at, command in own_commands:
         if at - commands[-1][0] > timeout + 0.5 * tick and math.isfinite(commands[-1][0]):
             commands.append((commands[-1][0] + timeout + tick, 0.0, 0.0))
         commands.append((at, min(1.0, max(-1.0, command.throttle)), min(1.0, max(-1.0, command.steering))))

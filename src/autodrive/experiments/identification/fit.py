@@ -60,14 +60,14 @@ def identify(
     file = VehicleFile(vehicle)
     parameters = file.free(free)
     drive = drive if isinstance(drive, Drive) else read_drive(drive, name, is_left_positive=is_left_positive)
-    if drive.is_angle and (unseen := [one.path for one in parameters if one.path.startswith(HIDDEN)]):
+    if drive.is_angle and (unseen := [parameter.path for parameter in parameters if parameter.path.startswith(HIDDEN)]):
         raise IdentificationError(
             f"{', '.join(unseen)}: a log of the data recorder has the angle of the steering and the throttle after its "
             f"dead time, not the commands; use a recording (.mcap)  ({drive.source})"
         )
     drive = without_gyro_offset(drive)
     windows = windows_of(drive, window, warm_up)
-    longest = {one.path: one.high for one in parameters if one.path in DEAD_TIMES}
+    longest = {parameter.path: parameter.high for parameter in parameters if parameter.path in DEAD_TIMES}
     population = 4 + math.floor(3.0 * math.log(len(parameters)))
     simulator = Simulator(drive, windows, file, longest, population, threads)
     try:
@@ -77,21 +77,28 @@ def identify(
                 f"{', '.join(silent)}: no influence on this drive; leave out what the drive does not excite  "
                 f"({drive.source})"
             )
-        found, _ = search(objective, parameters, trials, seed, population=population)
-        best, covariance = refine(objective, found)
-        ends = objective.errors(np.array([[one.share(one.start) for one in parameters], best]))
+        coarse, _ = search(objective, parameters, trials, seed, population=population)
+        best, covariance = refine(objective, coarse)
+        ends = objective.errors(np.array([[parameter.share(parameter.start) for parameter in parameters], best]))
     finally:
         simulator.close()
     values = objective.values(best.tolist())
     before, after = _whole(drive, file, values, longest)
     deviations = np.sqrt(np.diagonal(covariance)).tolist()
     fitted = [
-        Fitted(one.path, one.value, values[one.path], _in_unit(one, share, deviation), one.low, one.high)
-        for one, share, deviation in zip(parameters, best.tolist(), deviations, strict=True)
+        Fitted(
+            parameter.path,
+            parameter.value,
+            values[parameter.path],
+            _in_unit(parameter, share, deviation),
+            parameter.low,
+            parameter.high,
+        )
+        for parameter, share, deviation in zip(parameters, best.tolist(), deviations, strict=True)
     ]
     comments = [
         f"Vehicle '{vehicle}' with parameters that autodrive identify has fitted to {Path(drive.source).name}:",
-        *(f"{one.path} {one.value:.5g} +- {one.deviation:.2g}" for one in fitted),
+        *(f"{parameter.path} {parameter.value:.5g} +- {parameter.deviation:.2g}" for parameter in fitted),
         f"Path error of the drive: {before.errors['distance'].rms:.3g} m rms before, "
         f"{after.errors['distance'].rms:.3g} m after.",
     ]
@@ -107,9 +114,9 @@ def identify(
     )
 
 
-def _in_unit(one: Free, share: float, deviation: float) -> float:
+def _in_unit(parameter: Free, share: float, deviation: float) -> float:
     """A deviation of the share of a range as one of the parameter."""
-    slope = (one.at(share + 1e-4) - one.at(share - 1e-4)) / 2e-4
+    slope = (parameter.at(share + 1e-4) - parameter.at(share - 1e-4)) / 2e-4
     return abs(slope) * deviation
 
 
@@ -133,7 +140,7 @@ def _whole(
     }
     columns = (motion.x, motion.y, motion.heading, motion.speed, motion.yaw_rate)
     first, second = (
-        Comparison(drive.time[rows], recorded, dict(zip(recorded, [one[i, 0] for one in columns], strict=True)))
+        Comparison(drive.time[rows], recorded, dict(zip(recorded, [column[i, 0] for column in columns], strict=True)))
         for i in range(2)
     )
     return first, second
@@ -141,21 +148,21 @@ def _whole(
 
 def _notes(parameters: Sequence[Free], best: Floats, covariance: Floats, windows: Windows, drive: Drive) -> list[str]:
     notes = [
-        f"{one.path} is at its bound {one.low if share < 0.5 else one.high:g}; give wider bounds"
-        for one, share in zip(parameters, best.tolist(), strict=True)
+        f"{parameter.path} is at its bound {parameter.low if share < 0.5 else parameter.high:g}; give wider bounds"
+        for parameter, share in zip(parameters, best.tolist(), strict=True)
         if min(share, 1.0 - share) < AT_BOUND
     ]
     deviations = np.sqrt(np.diagonal(covariance))
-    for i, one in enumerate(parameters):
+    for i, parameter in enumerate(parameters):
         for j in range(i):
             if (product := deviations[i] * deviations[j]) > 0.0 and abs(covariance[i, j] / product) > SAME:
                 notes.append(
-                    f"{parameters[j].path} and {one.path} have nearly the same effect on this drive (correlation "
+                    f"{parameters[j].path} and {parameter.path} have nearly the same effect on this drive (correlation "
                     f"{covariance[i, j] / product:.3f}); fix one of them"
                 )
         if deviations[i] > 0.1:
             notes.append(
-                f"the drive hardly shows {one.path}: its deviation is {100 * deviations[i]:.0f} % of its range"
+                f"the drive hardly shows {parameter.path}: its deviation is {100 * deviations[i]:.0f} % of its range"
             )
     if len(drive.breaks):
         notes.append(f"{len(drive.breaks)} collisions, resets or jumps; {len(windows.starts)} windows are used")

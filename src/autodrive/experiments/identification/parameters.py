@@ -29,11 +29,11 @@ class Free:
     """A parameter that is fitted, within bounds."""
 
     path: str
-    """In the vehicle's file, such as 'wheels.damping_rate' or 'body.inertia.2'."""
+    """Path in the vehicle's file, such as 'wheels.damping_rate' or 'body.inertia.2'."""
     low: float
     high: float
     value: float | None
-    """Of the file; None if the file leaves it out."""
+    """Value in the file; None if the file leaves it out."""
 
     @property
     def is_logarithmic(self) -> bool:
@@ -73,7 +73,7 @@ class VehicleFile:
     def values(self) -> dict[str, float | None]:
         """Each real number of the file by its path; None: an optional one that the file leaves out."""
         leaves = dict(_leaves("", self.spec.model_dump(mode="json")))
-        return {path: one for path, one in leaves.items() if one is None or isinstance(one, float)}
+        return {path: value for path, value in leaves.items() if value is None or isinstance(value, float)}
 
     def with_values(self, values: Mapping[str, float]) -> VehicleSpec:
         """The Spec with other values. Raises `SpecError`."""
@@ -101,30 +101,30 @@ class VehicleFile:
         Raises `IdentificationError` with all faults.
         """
         faults: list[str] = []
-        found: dict[str, Free] = {}
-        pairs = wanted.items() if isinstance(wanted, Mapping) else [_split(one, faults) for one in wanted]
+        parameters: dict[str, Free] = {}
+        pairs = wanted.items() if isinstance(wanted, Mapping) else [_split(text, faults) for text in wanted]
         for path, bounds in pairs:
-            if path in found:
+            if path in parameters:
                 faults.append(f"'{path}' is named twice")
             elif path not in self.values:
                 faults.append(self._unknown(path))
-            elif isinstance(one := self._bounded(path, bounds), str):
-                faults.append(one)
+            elif isinstance(parameter := self._bounded(path, bounds), str):
+                faults.append(parameter)
             else:
-                found[path] = one
+                parameters[path] = parameter
         if not pairs:
             faults.append("name at least one parameter, such as 'wheels.damping_rate'")
         if faults:
             raise IdentificationError("; ".join(faults))
-        return [*found.values()]
+        return [*parameters.values()]
 
     def _unknown(self, path: str) -> str:
         if path in dict(_leaves("", self.spec.model_dump(mode="json"))):
             return f"'{path}' is not a real number; only real numbers can be fitted"
         last = path.rpartition(".")[2]
         known = [*self.values]
-        ends = [one for one in known if one.rpartition(".")[2].startswith(last)]
-        close = [one for one in ends if one.endswith(f".{last}")] or difflib.get_close_matches(path, ends, cutoff=0.5)
+        ends = [known_path for known_path in known if known_path.rpartition(".")[2].startswith(last)]
+        close = [end for end in ends if end.endswith(f".{last}")] or difflib.get_close_matches(path, ends, cutoff=0.5)
         close = close[:3] or difflib.get_close_matches(path, known, n=3, cutoff=0.5)
         hint = f" Did you mean {' or '.join(map(repr, close))}?" if close else ""
         return f"'{path}' is not a parameter of vehicle '{self.name}'.{hint} (all: autodrive show {self.name})"

@@ -16,7 +16,7 @@ class Fitted:
     """A fitted parameter."""
 
     path: str
-    """In the vehicle's file."""
+    """Path in the vehicle's file."""
     before: float | None
     """The value of the file; None if the file leaves it out."""
     value: float
@@ -25,7 +25,7 @@ class Fitted:
     low: float
     """Bound of the search."""
     high: float
-    """Likewise."""
+    """Upper bound of the value."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Identification:
     before: Comparison
     """The drive, or its longest part without a collision, reset or jump, and its simulation with the file's values."""
     after: Comparison
-    """Likewise with the fitted values."""
+    """Comparison of the drive with the fitted values."""
     window_errors: tuple[tuple[float, float], ...]
     """Root mean square errors of path [m], speed [m/s] and yaw rate [rad/s] in the windows, before and after."""
     simulations: int
-    """Of the drive."""
+    """Number of simulations of the drive."""
     seconds: float
     """Wall time."""
     notes: tuple[str, ...]
@@ -51,16 +51,16 @@ class Identification:
     @property
     def values(self) -> dict[str, float]:
         """The fitted values by path."""
-        return {one.path: one.value for one in self.parameters}
+        return {parameter.path: parameter.value for parameter in self.parameters}
 
     def table(self) -> str:
         """Values and errors as text."""
-        width = max(9, *(len(one.path) for one in self.parameters))
+        width = max(9, *(len(parameter.path) for parameter in self.parameters))
         rows = [f"{'parameter':{width}}{'before':>12}{'after':>12}{'+-':>10}   bounds"]
         rows += [
-            f"{one.path:{width}}{'none' if one.before is None else f'{one.before:.5g}':>12}{one.value:12.5g}"
-            f"{one.deviation:10.2g}   {one.low:g} to {one.high:g}"
-            for one in self.parameters
+            f"{parameter.path:{width}}{'none' if parameter.before is None else f'{parameter.before:.5g}':>12}"
+            f"{parameter.value:12.5g}{parameter.deviation:10.2g}   {parameter.low:g} to {parameter.high:g}"
+            for parameter in self.parameters
         ]
         rows += ["", f"{'error':26}{'before':>12}{'after':>12}"]
         names = ("path in a window [m]", "speed [m/s]", "yaw rate [rad/s]")
@@ -69,7 +69,7 @@ class Identification:
         before, after = self.before.errors["distance"], self.after.errors["distance"]
         rows.append(f"{'path of the drive [m], rms':26}{before[0]:12.4f}{after[0]:12.4f}")
         rows.append(f"{'  largest':26}{before[1]:12.4f}{after[1]:12.4f}")
-        rows += [f"{self.simulations} simulations in {self.seconds:.1f} s", *(f"note: {one}" for one in self.notes)]
+        rows += [f"{self.simulations} simulations in {self.seconds:.1f} s", *(f"note: {note}" for note in self.notes)]
         return "\n".join(rows)
 
     def plot(self, path: str | Path) -> None:

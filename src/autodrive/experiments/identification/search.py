@@ -28,7 +28,7 @@ DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 MIN_WINDOWS = 3
 """Fewest windows whose scatter shows a deviation."""
 MAX_STEPS = 12
-"""Of Gauss-Newton."""
+"""Most steps of Gauss-Newton."""
 TOLERANCE = 1e-4
 """A step that changes each parameter by less than this share of its range is the last one, ..."""
 SMALL = 0.1
@@ -42,7 +42,7 @@ class Errors:
     """Errors of c candidates, one row for each."""
 
     residuals: tuple[Floats, Floats, Floats]
-    """Of path [m], speed [m/s] and yaw rate [rad/s]; shape (c, w, n), 0 where there is no sample."""
+    """Residuals of path [m], speed [m/s] and yaw rate [rad/s]; shape (c, w, n), 0 where there is no sample."""
     squares: Floats
     """Mean squares of each window, shape (c, w, 3)."""
     rms: Floats
@@ -68,7 +68,7 @@ class Objective:
         self._free = free
         self._simulator = simulator
         self.simulations = 0
-        """Of all windows with a candidate."""
+        """Number of simulations of all windows with a candidate."""
         rows, used = windows.rows, windows.is_used
         self._counts = np.maximum(used.sum(axis=1), 1)
         self._x, self._y = drive.x[rows], drive.y[rows]
@@ -87,7 +87,10 @@ class Objective:
 
     def values(self, shares: Floats) -> dict[str, float]:
         """The parameters of one candidate."""
-        return {one.path: one.at(min(max(share, 0.0), 1.0)) for one, share in zip(self._free, shares, strict=True)}
+        return {
+            parameter.path: parameter.at(min(max(share, 0.0), 1.0))
+            for parameter, share in zip(self._free, shares, strict=True)
+        }
 
     def errors(self, candidates: Floats) -> Errors:
         """Errors of these candidates; not a number if a vehicle is not valid."""
@@ -107,12 +110,12 @@ class Objective:
         rate = np.where(used, motion.yaw_rate - self._drive.yaw_rate[rows], 0.0)
         for residuals in (path, speed, rate):
             residuals[~is_valid] = np.nan
-        sums = np.stack([(one**2).sum(axis=2) for one in (path, speed, rate)], axis=2)
+        sums = np.stack([(residuals**2).sum(axis=2) for residuals in (path, speed, rate)], axis=2)
         rms = np.sqrt(sums.sum(axis=1) / self._counts.sum())
         return Errors((path, speed, rate), sums / self._counts[:, None], rms)
 
     def medians(self, errors: Errors) -> Floats:
-        """Of the mean squares of the windows of each candidate, shape (c, 3)."""
+        """Medians of the mean squares of the windows of each candidate, shape (c, 3)."""
         return np.maximum(np.median(errors.squares, axis=1), (FLOOR * self.scales) ** 2)
 
     def totals(self, errors: Errors, medians: Floats | None = None) -> Floats:
@@ -144,7 +147,7 @@ def search(
     Optuna's CMA-ES needs two.
     """
     optuna = _optuna()
-    start = {one.path: one.share(one.start) for one in free}
+    start = {parameter.path: parameter.share(parameter.start) for parameter in free}
     if len(free) == 1:
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=min(10, trials))
     else:
@@ -154,12 +157,12 @@ def search(
     done = 0
     while done < trials:
         asked = [study.ask() for _ in range(min(population, trials - done))]
-        shares = np.array([[trial.suggest_float(one.path, 0.0, 1.0) for one in free] for trial in asked])
+        shares = np.array([[trial.suggest_float(parameter.path, 0.0, 1.0) for parameter in free] for trial in asked])
         totals = objective.totals(objective.errors(shares))
         for trial, total in zip(asked, totals.tolist(), strict=True):
             study.tell(trial, total)
         done += len(asked)
-    return np.array([study.best_params[one.path] for one in free]), float(study.best_value)
+    return np.array([study.best_params[parameter.path] for parameter in free]), float(study.best_value)
 
 
 def refine(objective: Objective, shares: Floats) -> tuple[Floats, Floats]:
@@ -180,7 +183,7 @@ def refine(objective: Objective, shares: Floats) -> tuple[Floats, Floats]:
         slopes = np.einsum("wnp,wn->wp", jacobian, residuals)
         covariance = _covariance(curvature, slopes)
         scale = np.diag(np.diagonal(curvature))
-        moves = [-np.linalg.pinv(curvature + one * scale) @ slopes.sum(axis=0) for one in DAMPING]
+        moves = [-np.linalg.pinv(curvature + damping * scale) @ slopes.sum(axis=0) for damping in DAMPING]
         candidates = np.clip(best + np.array(moves), 0.0, 1.0)
         totals = objective.totals(objective.errors(candidates), medians)
         chosen = int(np.argmin(totals))
@@ -197,7 +200,7 @@ def _scaled(errors: Errors, medians: Floats, spans: Floats) -> tuple[Floats, Flo
     """Residuals of the first candidate, shape (w, n), and their derivatives, shape (w, n, p), per deviation."""
     p = len(spans)
     deviations = np.sqrt(errors.squares[0] + medians)
-    parts = [one / deviations[:, i, None] for i, one in enumerate(errors.residuals)]
+    parts = [residuals / deviations[:, i, None] for i, residuals in enumerate(errors.residuals)]
     stacked = np.concatenate(parts, axis=-1)
     jacobian = (stacked[1 : 1 + p] - stacked[1 + p :]) / spans[:, None, None]
     return stacked[0], np.moveaxis(jacobian, 0, -1)
@@ -220,21 +223,21 @@ def _covariance(curvature: Floats, slopes: Floats) -> Floats:
 
 def without_influence(objective: Objective, free: Sequence[Free]) -> list[str]:
     """The parameters that change no signal between their bounds."""
-    start = np.array([one.share(one.start) for one in free])
+    start = np.array([parameter.share(parameter.start) for parameter in free])
     tried = [start]
     for i in range(len(free)):
         for share in (0.0, 1.0):
             tried.append(np.where(np.arange(len(free)) == i, share, start))
-    found = objective.errors(np.array(tried)).residuals
+    changed = objective.errors(np.array(tried)).residuals
     names: list[str] = []
-    for i, one in enumerate(free):
+    for i, parameter in enumerate(free):
         effect = 0.0
-        for residuals, scale in zip(found, objective.scales.tolist(), strict=True):
+        for residuals, scale in zip(changed, objective.scales.tolist(), strict=True):
             for other in (residuals[1 + 2 * i], residuals[2 + 2 * i]):
                 change = float(np.abs(other - residuals[0]).max()) / scale
                 effect = max(effect, change if math.isfinite(change) else math.inf)
         if effect < LEAST_EFFECT:
-            names.append(one.path)
+            names.append(parameter.path)
     return names
 
 

@@ -30,7 +30,7 @@ class Windows:
     starts: Floats
     """[s], shape (w,)."""
     ticks: int
-    """Of each window."""
+    """Length of each window [ticks]."""
     motions: Floats
     """Forward and left speed, yaw rate, throttle, steering at the start; see `BatchWorld.reset`, shape (w, 5)."""
     poses: Floats
@@ -56,7 +56,7 @@ def windows_of(drive: Drive, length: float, warm_up: float) -> Windows:
     wanted = np.linspace(first, last - warm_up - length, count) if count > 1 else np.array([first])
     starts = np.unique(drive.time[np.searchsorted(drive.time, wanted - 1e-9)])  # several may follow the same gap
     whole = warm_up + length
-    starts = np.array([one for one in starts.tolist() if not _is_broken(drive, one - SMOOTHING, one + whole)])
+    starts = np.array([start for start in starts.tolist() if not _is_broken(drive, start - SMOOTHING, start + whole)])
     if len(starts) == 0:
         raise IdentificationError(
             f"the drive has no {whole:g} s without a collision, a reset, a jump or a gap; use shorter windows  "
@@ -85,8 +85,15 @@ def _cut(drive: Drive, starts: Floats, whole: float, warm_up: float) -> Windows:
         for start in starts.tolist()
     ]
     most = max(map(len, chosen))
-    rows = np.array([np.concatenate((one, np.full(most - len(one), one[-1] if len(one) else 0))) for one in chosen])
-    is_used = np.arange(most) < np.array([[len(one)] for one in chosen])
+    rows = np.array(
+        [
+            np.concatenate(
+                (rows_of_window, np.full(most - len(rows_of_window), rows_of_window[-1] if len(rows_of_window) else 0))
+            )
+            for rows_of_window in chosen
+        ]
+    )
+    is_used = np.arange(most) < np.array([[len(rows_of_window)] for rows_of_window in chosen])
     # the command in the middle of each tick
     middle = starts + (np.arange(ticks)[:, None] + 0.5) * drive.tick
     held = np.maximum(np.searchsorted(drive.command_time, middle, side="right") - 1, 0)
@@ -115,18 +122,18 @@ def _smooth(drive: Drive, column: str, times: Floats) -> Floats:
     values: Floats = getattr(drive, column)
     if column == "heading":
         values = np.unwrap(values)
-    found = np.empty((2, len(times)))
+    smoothed = np.empty((2, len(times)))
     for i, time in enumerate(times.tolist()):
         near = np.flatnonzero(np.abs(drive.time - time) <= SMOOTHING + 1e-9)
         if len(near) < 2:
             middle = int(np.searchsorted(drive.time, time))
             near = np.arange(max(0, middle - 1), min(len(values), middle + 2))
-        found[1, i], found[0, i] = np.polyfit(drive.time[near] - time, values[near], 1)
-    return found
+        smoothed[1, i], smoothed[0, i] = np.polyfit(drive.time[near] - time, values[near], 1)
+    return smoothed
 
 
 @dataclass(frozen=True)
-class Motion:
+class SimulatedMotion:
     """The motion of c candidates at the samples of the windows: arrays of the shape (c, w, s)."""
 
     x: Floats
@@ -175,24 +182,26 @@ class Simulator:
         self._commands = np.tile(commands, (1, candidates, 1))[:, :, None, :]
         self._motions = np.tile(motions, (candidates, 1))
 
-    def run(self, specs: Sequence[VehicleSpec], poses: Floats | None = None) -> Motion:
+    def run(self, specs: Sequence[VehicleSpec], poses: Floats | None = None) -> SimulatedMotion:
         """The motion of each candidate. `poses`: where the windows start, shape (w, 3); None: all at the origin."""
         parts = [self._run(specs[i : i + self.candidates], poses) for i in range(0, len(specs), self.candidates)]
-        return Motion(*(np.concatenate([getattr(one, name) for one in parts]) for name in Motion.__annotations__))
+        return SimulatedMotion(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in SimulatedMotion.__annotations__)
+        )
 
     def close(self) -> None:
         """End the threads."""
         self._batch.close()
 
-    def _run(self, specs: Sequence[VehicleSpec], poses: Floats | None) -> Motion:
+    def _run(self, specs: Sequence[VehicleSpec], poses: Floats | None) -> SimulatedMotion:
         batch, w = self._batch, len(self._windows.starts)
-        driven = [self._driven(one) for one in specs]
+        driven = [self._driven(spec) for spec in specs]
         filled = [*driven, *driven[:1] * (self.candidates - len(specs))]
         start = np.zeros((batch.n, 3)) if poses is None else np.tile(poses, (self.candidates, 1))
         readings = batch.reset(
             poses={NAME: start},
             motions={NAME: self._motions},
-            vehicles={NAME: [one for one in filled for _ in range(w)]},
+            vehicles={NAME: [parameters for parameters in filled for _ in range(w)]},
         )
         ticks = np.empty((self._windows.ticks + 1, 5, batch.n))
         for tick in range(self._windows.ticks + 1):
@@ -207,7 +216,7 @@ class Simulator:
         ticks[:, :, readings.is_unstable] = np.nan
         return self._sampled(ticks.reshape(self._windows.ticks + 1, 5, self.candidates, w), len(specs))
 
-    def _sampled(self, ticks: Floats, count: int) -> Motion:
+    def _sampled(self, ticks: Floats, count: int) -> SimulatedMotion:
         """Interpolate between ticks; `ticks` has the shape (ticks + 1, 5, c, w)."""
         before = np.minimum(self._windows.places.astype(np.int64), self._windows.ticks - 1)
         share = self._windows.places - before
@@ -215,7 +224,7 @@ class Simulator:
         # indices separated by slices: the shape is (w, s, 5, c)
         lower, upper = ticks[before, :, :, window], ticks[before + 1, :, :, window]
         values = lower + share[..., None, None] * (upper - lower)
-        return Motion(*np.moveaxis(values, (2, 3), (0, 1))[:, :count])
+        return SimulatedMotion(*np.moveaxis(values, (2, 3), (0, 1))[:, :count])
 
     def _driven(self, spec: VehicleSpec) -> VehicleSpec:
         """The vehicle as it obeys the recorded commands: a recorded angle of the steering is obeyed at once."""

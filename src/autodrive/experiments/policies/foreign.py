@@ -23,10 +23,10 @@ from autodrive.experiments.network_process import NetworkError, NetworkProcess
 MOST_BYTES = 2**26
 """Largest file that is read."""
 MOST_CHARACTERS = 500
-"""Of an error: names and shapes in a file can be of any length."""
+"""Longest text of an error: names and shapes in a file can be of any length."""
 MASKS, PREVIOUS = "action_masks", "prev_action"
 OUTPUTS = ("deterministic_discrete_actions", "discrete_actions", "discrete_action", "action")
-"""Of ML-Agents, the best one first: the same observation then gives the same action."""
+"""Outputs of ML-Agents, the best one first: the same observation then gives the same action."""
 MEMORY = ("recurrent_in", "recurrent_in_h", "recurrent_in_c", "memory")
 
 
@@ -41,7 +41,7 @@ class Shape(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Of the observation."""
+        """Number of values of the observation."""
         return sum(self.observation)
 
     @property
@@ -54,7 +54,7 @@ SHAPES = {
     "crossing": Shape("crossing", (14,), (2, 3)),
     "duel": Shape("duel", (54, 1), (3, 3)),
 }
-"""Of the published benchmarks."""
+"""Shapes of the published benchmarks."""
 
 
 class ForeignPolicy:
@@ -75,10 +75,10 @@ class ForeignPolicy:
         Choice 3 i + j has the i-th throttle and the j-th steering. Raises `SpecError` if the outputs do not fit.
         """
         if self._is_single and len(observations) > 1:
-            return np.concatenate([self.act(one[None]) for one in observations])
-        given = {name: make(observations) for name, make in self._inputs.items()}
+            return np.concatenate([self.act(observation[None]) for observation in observations])
+        inputs = {name: make(observations) for name, make in self._inputs.items()}
         try:
-            values = self._network.run(self._output, given)
+            values = self._network.run(self._output, inputs)
         except NetworkError as error:
             raise self._error(f"the network does not run: {error}") from None
         return self._chosen(np.asarray(values).reshape(len(observations), -1))
@@ -101,20 +101,20 @@ class ForeignPolicy:
         made: dict[str, Any] = {}
         parts: list[tuple[str, int]] = []
         self._is_single = False
-        for one in self._network.ports.inputs:
-            name, width = _plain(one.name), one.shape[-1] if len(one.shape) == 2 else None
+        for tensor in self._network.ports.inputs:
+            name, width = _plain(tensor.name), tensor.shape[-1] if len(tensor.shape) == 2 else None
             if name in MEMORY:
-                raise self._error(f"input '{one.name}': networks with a memory are not supported")
-            self._is_single = self._is_single or one.shape[:1] == [1]
+                raise self._error(f"input '{tensor.name}': networks with a memory are not supported")
+            self._is_single = self._is_single or tensor.shape[:1] == [1]
             if name in (MASKS, PREVIOUS):
                 columns = sum(self.shape.branches) if name == MASKS else len(self.shape.branches)
                 if isinstance(width, int) and width != columns:
-                    raise self._error(f"input '{one.name}' has {width} numbers for a car, {self._wanted}")
-                made[one.name] = _constant(1.0 if name == MASKS else 0.0, columns, one.type)
-            elif "float" not in one.type or not isinstance(width, int):
-                raise self._error(f"input '{one.name}' is {one.type} of the shape {one.shape}, {self._wanted}")
+                    raise self._error(f"input '{tensor.name}' has {width} numbers for a car, {self._wanted}")
+                made[tensor.name] = _constant(1.0 if name == MASKS else 0.0, columns, tensor.type)
+            elif "float" not in tensor.type or not isinstance(width, int):
+                raise self._error(f"input '{tensor.name}' is {tensor.type} of the shape {tensor.shape}, {self._wanted}")
             else:
-                parts.append((one.name, width))
+                parts.append((tensor.name, width))
         parts.sort(key=lambda part: [int(number) for number in re.findall(r"\d{1,18}", part[0])])
         made |= self._columns(parts)
         return made
@@ -130,7 +130,7 @@ class ForeignPolicy:
         return {name: _slice(starts[width], width) for name, width in parts}
 
     def _found_output(self) -> str:
-        outputs = {_plain(one.name): one.name for one in self._network.ports.outputs}
+        outputs = {_plain(tensor.name): tensor.name for tensor in self._network.ports.outputs}
         for name in OUTPUTS:
             if name in outputs:
                 return outputs[name]
@@ -151,7 +151,7 @@ class ForeignPolicy:
         elif width == self.shape.choices:
             return values.argmax(axis=1)
         elif width == sum(branches):
-            columns = np.column_stack([one.argmax(axis=1) for one in np.split(values, [branches[0]], axis=1)])
+            columns = np.column_stack([scores.argmax(axis=1) for scores in np.split(values, [branches[0]], axis=1)])
         else:
             raise self._error(f"output '{self._output}' has {width} numbers for a car, {self._wanted}")
         return columns[:, 0] if len(columns.T) == 1 else columns[:, 0] * branches[-1] + columns[:, 1]
@@ -169,7 +169,7 @@ class ForeignPolicy:
 
 
 def _plain(name: str) -> str:
-    """Without the suffix of a framework: obs_0:0, and without the path of a scope."""
+    """A name without the suffix of a framework, as in obs_0:0, and without the path of a scope."""
     return name.split(":", maxsplit=1)[0].rsplit("/", 1)[-1]
 
 

@@ -1,7 +1,7 @@
 """A policy: a network from numbers that a car senses to throttle and steering, in NumPy.
 
 A policy may read the last moments: the input `yaw_rate@2` is the reading `yaw_rate` two steps ago, and `drive@1` and
-`steer@1` are its own outputs one step ago, -1 to 1. `Memory` keeps them.
+`steer@1` are its own outputs one step ago, -1 to 1. `PolicyMemory` keeps them.
 
 A policy may have a second network, its `Pace`, which estimates from the motion of the car how much slower the policy
 must drive than it was trained to: with little grip, with latency. It also limits the throttle.
@@ -43,17 +43,17 @@ MOST_BYTES = 2**26
 OUTPUTS = "drive", "steer"
 """Names of a policy's own outputs, which it may read as they were one step ago or more."""
 OWN = *OUTPUTS, "throttle"
-"""Likewise, and the throttle that it commanded, -1 to 1."""
+"""Inputs of a pace that are outputs of the policy, -1 to 1: those of `OUTPUTS`, and the throttle that it commanded."""
 SPEEDS = "speed", "side_speed", "wheel_speed", "yaw_rate"
 """Features that are speeds."""
 PACE = "pace_"
-"""Before the names of the arrays of a pace."""
+"""Beginning of the names of the arrays of a pace."""
 PACE_NUMBERS = "inputs", "scale", "slowness", "keep", "top_throttle"
-"""Its other attributes."""
+"""Attributes of a pace that are numbers or names."""
 GREATEST = 1e6
-"""Of the magnitudes of scales, weights and biases: no sum of products of such numbers overflows."""
+"""Greatest magnitude of scales, weights and biases: no sum of products of such numbers overflows."""
 GREATEST_THROTTLE = 10.0
-"""Likewise, of the throttle of an output; a car gets 1 at most."""
+"""Greatest magnitude of the throttle of an output; a car gets 1 at most."""
 LONGEST = 100
 """Steps ago of the oldest moment that a policy may read."""
 
@@ -70,7 +70,7 @@ class Pace:
     """
 
     inputs: tuple[str, ...]
-    """As in `Policy`; own outputs may be `throttle`, too."""
+    """Names of the inputs, as in `Policy`; own outputs may be `throttle`, too."""
     scale: tuple[float, ...]
     """Factor of each input."""
     slowness: tuple[float, float]
@@ -78,7 +78,7 @@ class Pace:
     keep: float
     """Factor by which the weights of the past get less in each step, 0 to 1."""
     layers: tuple[Layer, ...]
-    """As in `Policy`."""
+    """Layers of the network, as in `Policy`."""
     top_throttle: float = 1.0
     """The greatest one that is commanded; 1: no limit."""
 
@@ -94,11 +94,11 @@ class Pace:
 
     def evidence(self, inputs: NDArray[Any]) -> Floats:
         """Slowness times weight, and weight, shape (n, 2), for the numbers `inputs`, shape (n, n_input)."""
-        found = _forward(self.scale, self.layers, inputs)
-        for row in found:
+        evidence = _forward(self.scale, self.layers, inputs)
+        for row in evidence:
             row[1] = exp(min(max(row[1], -20.0), 20.0))
             row[0] *= row[1]
-        return found
+        return evidence
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class Policy:
     """How it was made: command, seed, versions, steps."""
 
     pace: Pace | None = None
-    """By which it drives slower than this network does; None: it never does."""
+    """The pace by which it drives slower than this network does; None: it never does."""
 
     def __post_init__(self) -> None:
         _check("policy", self.inputs, self.scale, self.layers, "throttle and steering")
-        if not all(abs(one) <= GREATEST_THROTTLE for one in self.throttle):
+        if not all(abs(limit) <= GREATEST_THROTTLE for limit in self.throttle):
             low, high = self.throttle
             raise AutodriveError(
                 f"the throttle of a policy must be two numbers from -{GREATEST_THROTTLE:g} to {GREATEST_THROTTLE:g}, "
@@ -157,7 +157,7 @@ class Policy:
         return np.column_stack([low + (high - low) * 0.5 * (outputs[:, 0] + 1.0), outputs[:, 1]])
 
     def slower(self, factor: float) -> Policy:
-        """The same driver with all speeds divided by `factor`.
+        """A policy that drives as this one does, with all speeds divided by `factor`.
 
         Where this one drives a path with the speed v, that one drives it with v / factor, so it needs 1 / factor**2 of
         the grip: what this one reads as speeds is multiplied by the factor, and its throttle divided. Raises
@@ -225,7 +225,7 @@ class Policy:
             raise SpecError([f"{file} is not a policy: {reason}"]) from None
 
 
-class Memory:
+class PolicyMemory:
     """What `count` cars read and what their policy put out in the last steps, as far as its inputs need it."""
 
     def __init__(self, inputs: tuple[str, ...], readings: Sequence[str], count: int = 1) -> None:
@@ -255,23 +255,24 @@ class Memory:
 
     @property
     def inputs(self) -> Floats:
-        """Of all cars in this step, shape (count, n_input)."""
+        """The inputs of all cars in this step, shape (count, n_input)."""
         return self._past[self._ago, :, self._columns].T
 
 
-class Drivers:
+class PolicyDrivers:
     """A policy that drives `count` cars, and what it remembers of their episodes."""
 
     def __init__(self, policy: Policy, readings: Sequence[str], count: int = 1) -> None:
         """`readings`: names of the numbers given to `act`. Raises `AutodriveError` if the policy needs others."""
         self._policy = policy
-        self._memory = Memory(policy.inputs, readings, count)
-        self._motion = Memory(policy.pace.inputs if policy.pace else (), readings, count)
+        self._memory = PolicyMemory(policy.inputs, readings, count)
+        self._motion = PolicyMemory(policy.pace.inputs if policy.pace else (), readings, count)
         self._evidence = np.zeros((count, 2))
         self.slowness = np.ones(count)
-        """By which each car drives slower than the network, shape (count,). The pace sets it, if there is one."""
+        """Factor by which each car drives slower than the network, shape (count,). The pace sets it, if there is
+        one."""
         self.outputs = np.zeros((count, 2))
-        """Of the network in the last step, -1 to 1, shape (count, 2)."""
+        """Outputs of the network in the last step, -1 to 1, shape (count, 2)."""
         self._has_begun = False
 
     def begin(self) -> None:
@@ -280,16 +281,16 @@ class Drivers:
 
     def begin_episodes(self, readings: NDArray[Any], cars: Any = slice(None)) -> None:
         """An episode of those cars begins with these readings, shape (n, n_reading)."""
-        for one in (self._memory, self._motion):
-            one.begin(readings, cars)
+        for memory in (self._memory, self._motion):
+            memory.begin(readings, cars)
         if self._policy.pace:
             self._evidence[cars] = self._policy.pace.slowness[1], 1.0
         self._has_begun = True
 
     def add(self, readings: NDArray[Any]) -> None:
         """The readings of all cars one step later, shape (count, n_reading)."""
-        for one in (self._memory, self._motion):
-            one.add(readings)
+        for memory in (self._memory, self._motion):
+            memory.add(readings)
 
     def act(self, readings: NDArray[Any]) -> Floats:
         """Throttle and steering, -1 to 1, left positive, shape (count, 2), for the readings of one more step.
@@ -300,7 +301,7 @@ class Drivers:
         return self.commands()
 
     def commands(self) -> Floats:
-        """Likewise, for the readings that were given."""
+        """The commands for the readings that were added, shape (count, 2): throttle and steering, -1 to 1."""
         if pace := self._policy.pace:
             self._evidence = pace.keep * self._evidence + pace.evidence(self._motion.inputs)
             self.slowness[:] = np.clip(self._evidence[:, 0] / self._evidence[:, 1], *pace.slowness)
@@ -310,20 +311,20 @@ class Drivers:
         commands[:, 0] /= self.slowness
         if pace:
             commands[:, 0] = np.minimum(commands[:, 0], pace.top_throttle)
-        for one in (self._memory, self._motion):
-            one.put_out(self.outputs, commands[:, 0])
+        for memory in (self._memory, self._motion):
+            memory.put_out(self.outputs, commands[:, 0])
         return commands
 
 
-class Driver:
-    """Likewise, with one car."""
+class SingleDriver:
+    """A policy that drives one car, and what it remembers of its episode; see `PolicyDrivers`."""
 
     def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
-        """See `Drivers`."""
-        self._drivers = Drivers(policy, readings)
+        """Make a driver; see `PolicyDrivers` for the arguments."""
+        self._drivers = PolicyDrivers(policy, readings)
 
     def begin(self) -> None:
-        """See `Drivers`."""
+        """Begin an episode."""
         self._drivers.begin()
 
     def act(self, readings: NDArray[Any]) -> tuple[float, float]:
@@ -334,17 +335,17 @@ class Driver:
 
 def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
     """Name and number of steps ago of each input. Raises `AutodriveError` if one cannot be."""
-    found = []
-    for one in inputs:
-        name, at, ago = one.partition("@")
+    moments_of_inputs = []
+    for text in inputs:
+        name, at, ago = text.partition("@")
         if at and not (ago.isdecimal() and 1 <= int(ago) <= LONGEST):
-            raise AutodriveError(f"input '{one[:80]}' of the policy: after '@' come the steps ago, 1 to {LONGEST}")
+            raise AutodriveError(f"input '{text[:80]}' of the policy: after '@' come the steps ago, 1 to {LONGEST}")
         if name in OWN and not at:
             raise AutodriveError(
                 f"input '{name}' of the policy is its own output: it can be read one step later, '{name}@1'"
             )
-        found.append((name, int(ago) if at else 0))
-    return found
+        moments_of_inputs.append((name, int(ago) if at else 0))
+    return moments_of_inputs
 
 
 def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Sequence[Layer], outputs: str) -> None:
@@ -352,7 +353,7 @@ def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Seq
     width = len(inputs)
     if len(scale) != width:
         raise AutodriveError(f"a {name} with {width} inputs needs as many scales, not {len(scale)}")
-    if not all(abs(one) <= GREATEST for one in scale):
+    if not all(abs(factor) <= GREATEST for factor in scale):
         raise AutodriveError(f"the scales of a {name} must be numbers from -{GREATEST:g} to {GREATEST:g}")
     moments(inputs)
     for number, (weight, bias) in enumerate(layers):
@@ -395,12 +396,12 @@ def _named(prefix: str, layers: Sequence[Layer]) -> dict[str, NDArray[Any]]:
     """The arrays of layers, as they are called in a file."""
     parts = "weight", "bias"
     return {
-        f"{prefix}{part}_{k}": one for k, layer in enumerate(layers) for part, one in zip(parts, layer, strict=True)
+        f"{prefix}{part}_{k}": array for k, layer in enumerate(layers) for part, array in zip(parts, layer, strict=True)
     }
 
 
 def _layers(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> tuple[Layer, ...]:
-    """Likewise, from a file."""
+    """The layers in the arrays of a file."""
     count = sum(name.startswith(f"{prefix}weight_") for name in arrays)
     return tuple((_real(arrays[f"{prefix}weight_{k}"]), _real(arrays[f"{prefix}bias_{k}"])) for k in range(count))
 

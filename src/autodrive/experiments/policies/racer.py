@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.envs.time_trial import TimeTrial, wheel_speed
-from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
@@ -32,7 +32,7 @@ INPUTS = ("wheel_speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bear
 
 
 class PolicyRacers:
-    """Some cars. It remembers the last angles of the wheels, for the speed, and what the policy remembers.
+    """Drives some race cars with a policy; remembers the last angles of the wheels and what the policy remembers.
 
     Raises `AutodriveError` if the policy needs other readings.
     """
@@ -44,7 +44,7 @@ class PolicyRacers:
             raise AutodriveError(
                 f"the policy reads {unknown[0]}, which no script can read in a race; a script can read {known}"
             )
-        self._drivers = Drivers(policy, INPUTS, count)
+        self._drivers = PolicyDrivers(policy, INPUTS, count)
         self._angle: Floats | None = None
 
     def commands(self, angles: Floats, yaw_rate: Floats, steering: Floats, ranges: Floats) -> Floats:
@@ -56,24 +56,24 @@ class PolicyRacers:
         angle = 0.5 * (angles[:, 0] + angles[:, 1])
         turned = np.zeros(len(angle)) if self._angle is None else angle - self._angle
         self._angle = angle
-        speed = [wheel_speed(one, PERIOD) for one in turned.tolist()]
+        speed = [wheel_speed(turned_of_car, PERIOD) for turned_of_car in turned.tolist()]
         return self._drivers.act(np.column_stack([speed, yaw_rate, steering, sectors(ranges)]))
 
     def act(self, _: NDArray[np.float32], cars: CarReadings) -> Floats:
-        """Likewise, for the readings of environments."""
+        """The commands for the readings of environments, shape (count, 2): throttle and steering."""
         return self.commands(cars.encoder_angles, cars.angular_velocity[:, 2], cars.steering, cars.lidar_ranges)
 
 
 class PolicyRacer:
-    """One car, likewise."""
+    """Drives one race car with a policy; see `PolicyRacers`."""
 
     def __init__(self, policy: Policy) -> None:
         self._racers = PolicyRacers(policy)
 
     def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
         """Throttle and steering; `angles` of the shape (2,), `ranges` of the shape (1080,), see `PolicyRacers`."""
-        given = np.asarray(angles)[None], np.array([yaw_rate]), np.array([steering]), np.asarray(ranges)[None]
-        throttle, steer = self._racers.commands(*given)[0].tolist()
+        readings = np.asarray(angles)[None], np.array([yaw_rate]), np.array([steering]), np.asarray(ranges)[None]
+        throttle, steer = self._racers.commands(*readings)[0].tolist()
         return throttle, steer
 
     def act(self, car: VehicleFrame) -> Command:

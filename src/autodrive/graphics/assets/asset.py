@@ -34,7 +34,7 @@ class Material:
     is_paint: bool = False
     """Whether the page may show it in the colour of the vehicle, if there are several vehicles."""
     beneath: Material | None = None
-    """Of road paint that is in `Asset.strips`, too: the material of the road, on which renderers draw the strips."""
+    """Material of the road beneath paint that is in `Asset.strips`, too: renderers draw the strips on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class MeshSurface:
 
     material: Material
     positions: Points
-    """Of the vertices [m], shape (n, 3)."""
+    """Positions of the vertices [m], shape (n, 3)."""
     normals: Points
     """Unit vectors, shape (n, 3)."""
     triangles: NDArray[np.uint32]
@@ -87,12 +87,12 @@ class AssetNode:
     orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
     joint: NodeJoint | None = None
     lamp: str = ""
-    """If the surfaces are the glass of a lamp: its name in `actuators.lights.LAMPS`; they glow when it is lit.
+    """Name of the lamp in `actuators.lights.LAMPS` whose glass the surfaces are; they glow when it is lit.
 
     Of a map: 'red', 'yellow' or 'green' of a traffic light; these nodes are in the order of the lights.
     """
     surfaces: dict[Detail, tuple[MeshSurface, ...]] = field(default_factory=dict)
-    """By level of detail; nothing is drawn at a level without an entry."""
+    """Surfaces by level of detail; nothing is drawn at a level without an entry."""
 
 
 STRIP = np.dtype(

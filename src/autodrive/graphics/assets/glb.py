@@ -36,10 +36,10 @@ _SAMPLER = {"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP_LINEAR, "wrapS": _
 
 def write_glb(asset: Asset, details: Iterable[Detail] = ("full", "reduced", "shadow")) -> bytes:
     """Content of the file. For viewers that do not know our levels of detail, write "full" only. Floats stay exact."""
-    return _Writer(asset, tuple(details)).file()
+    return _GlbWriter(asset, tuple(details)).file()
 
 
-class _Writer:
+class _GlbWriter:
     """Collects the JSON tree and the binary chunk; arrays shared in the Asset are shared in the file."""
 
     def __init__(self, asset: Asset, details: tuple[Detail, ...]) -> None:

@@ -11,7 +11,7 @@ import simplejpeg
 from autodrive.graphics.assets.asset import STRIP, Asset
 
 JPEG_QUALITY = 92
-"""Of textures, without colour subsampling; the loss is invisible."""
+"""JPEG quality of textures, without colour subsampling; the loss is invisible."""
 
 _Array: TypeAlias = tuple[str, tuple[int, ...], bytes]
 """Type of the elements ('jpeg' for an image, 'strip' for `STRIP`), shape, content."""

@@ -11,7 +11,7 @@ from autodrive.protocol import messages
 from autodrive.protocol.messages import CameraImage, Frame
 
 Images = Mapping[tuple[str, str], CameraImage]
-"""By (name of the vehicle, name of the camera)."""
+"""Images by (name of the vehicle, name of the camera)."""
 
 
 class CameraBackend(Protocol):
@@ -57,7 +57,7 @@ class NoCameras:
     has_pending_images = is_thread_bound = False
 
     def update(self, frame: Frame, *, redraw: bool = False) -> Frame:
-        """The same Frame."""
+        """Return the Frame as it is, without images."""
         return frame
 
     def reset(self, seed: int) -> None:

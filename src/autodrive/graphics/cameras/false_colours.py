@@ -15,7 +15,7 @@ TURBO = (
 
 
 def _rgb(colours: tuple[str, ...]) -> NDArray[np.uint8]:
-    return np.array([list(bytes.fromhex(one[1:])) for one in colours], np.uint8)
+    return np.array([list(bytes.fromhex(colour[1:])) for colour in colours], np.uint8)
 
 
 _STEPS = 1024

@@ -63,7 +63,7 @@ class _Latest:
     image: CameraImage
     lock: threading.Lock = field(default_factory=threading.Lock)
     jpegs: dict[tuple[int, int, int], bytes] = field(default_factory=dict)
-    """By width, height and quality."""
+    """Encoded images by width, height and quality."""
 
 
 def images_of(frame: Frame, share: float = 1.0, *, encoder: JpegEncoder) -> Mapping[tuple[str, str], bytes]:

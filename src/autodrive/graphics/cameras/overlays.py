@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LOOK: dict[str, Any] = json.loads((Path(__file__).parents[1] / "render" / "overlays.json").read_text(encoding="utf-8"))
 """Sizes [m], times [s] and colours, which the page reads from the same file."""
 MAX_STROKES = 10_000
-"""Of the drawings of programs."""
+"""Most strokes of the drawings of programs."""
 SPHERE, CYLINDER = 2, 5
 NONE = np.zeros(0, STROKE)
 UNMOVED = np.zeros(3), (1.0, 0.0, 0.0, 0.0)
@@ -39,8 +39,8 @@ class Marks(NamedTuple):
 
 
 def strokes_of_drawings(drawings: Iterable[Drawn], time: float) -> NDArray[np.void]:
-    """Those that have not disappeared at that simulated time [s]."""
-    parts = [_of_drawing(one.drawing) for one in drawings if one.drawing and one.until > time]
+    """Strokes of the drawings that have not disappeared at that simulated time [s]."""
+    parts = [_of_drawing(drawn.drawing) for drawn in drawings if drawn.drawing and drawn.until > time]
     return np.concatenate([NONE, *parts])[:MAX_STROKES]
 
 
@@ -103,8 +103,8 @@ class Overlays:
         for name, vehicle in frame.vehicles.items():
             if name not in contacts:
                 continue
-            of, turn = contacts[name], _matrix(vehicle.pose.orientation)
-            for part, place, force in zip(of.parts, of.position, of.force, strict=True):
+            touched, turn = contacts[name], _matrix(vehicle.pose.orientation)
+            for part, place, force in zip(touched.parts, touched.position, touched.force, strict=True):
                 at, along = vehicle.pose.position + turn @ place, turn @ force
                 if part in WHEEL_NAMES:
                     yield _arrow(at, along, scale, LOOK["colours"]["wheel"])
@@ -185,7 +185,7 @@ def _circle() -> Floats:
 
 def _sides() -> Floats:
     angles = 2.0 * math.pi * np.arange(LOOK["sides"]) / LOOK["sides"]
-    return np.array([[(math.cos(of), math.sin(of), z) for z in (-1.0, 1.0)] for of in angles])
+    return np.array([[(math.cos(angle), math.sin(angle), z) for z in (-1.0, 1.0)] for angle in angles])
 
 
 def _box() -> Floats:

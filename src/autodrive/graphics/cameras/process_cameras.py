@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from autodrive.graphics.cameras.backend import with_images
 from autodrive.graphics.cameras.render_process import RenderProcess
-from autodrive.graphics.cameras.render_worker import CameraImages, Drawn
+from autodrive.graphics.cameras.render_worker import CameraImages, RenderResult
 from autodrive.graphics.cameras.rig import CameraRig
 from autodrive.physics.sensors.sensor import Schedule
 from autodrive.protocol.messages import CameraImage, Frame
@@ -162,7 +162,7 @@ class ProcessCameras:
         self._images = {}
         self._sent_at = [None] * len(self._names)
 
-    def _accept(self, epoch: int, due: Sequence[int], future: Future[Drawn]) -> None:
+    def _accept(self, epoch: int, due: Sequence[int], future: Future[RenderResult]) -> None:
         """Called in the thread of the process."""
         with self._lock:
             self._is_drawing = False

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.base.child_process import start_module
 from autodrive.base.errors import AutodriveError
-from autodrive.graphics.cameras.render_worker import Drawn, Failed, Ready, Request, Target
+from autodrive.graphics.cameras.render_worker import Failed, Ready, RenderRequest, RenderResult, Target
 from autodrive.graphics.render.render_state import RenderState
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Waiting(NamedTuple):
 
     frame: Frame
     target: Target
-    drawn: Future[Drawn]
+    drawn: Future[RenderResult]
 
 
 class RenderProcess:
@@ -60,7 +60,7 @@ class RenderProcess:
         self._waiting: dict[int, Waiting] = {}
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
-        self._worker: _Worker | None = None
+        self._worker: _RenderWorker | None = None
         self._has_started = threading.Event()
         self._is_closed = False
         self.renderer = ""
@@ -95,7 +95,7 @@ class RenderProcess:
         worker = self._worker
         return worker.process.pid if worker else 0
 
-    def draw(self, client: int, frame: Frame, target: Target) -> Future[Drawn]:
+    def draw(self, client: int, frame: Frame, target: Target) -> Future[RenderResult]:
         """Draw the state of that Frame; `client`: a number that identifies the client.
 
         While a request of that client is still waiting, it is replaced and the same Future is returned. The Future
@@ -106,13 +106,13 @@ class RenderProcess:
             if self._is_closed:
                 return failed(Future(), self._closed)
             before = self._waiting.get(client)
-            drawn = Future[Drawn]() if before is None or before.drawn.cancelled() else before.drawn
+            drawn = Future[RenderResult]() if before is None or before.drawn.cancelled() else before.drawn
             self._waiting[client] = Waiting(frame, target, drawn)
             self._changed.notify()
         return drawn
 
     def forget(self, client: int) -> None:
-        """That client has left; its waiting request fails."""
+        """Forget a client that has left; its waiting request fails."""
         with self._changed:
             waiting = self._waiting.pop(client, None)
         if waiting is not None:
@@ -136,7 +136,9 @@ class RenderProcess:
         while (waiting := self._next()) is not None:
             if waiting.drawn.set_running_or_notify_cancel():
                 try:
-                    waiting.drawn.set_result(self._draw(Request(RenderState.of(waiting.frame).data, waiting.target)))
+                    waiting.drawn.set_result(
+                        self._draw(RenderRequest(RenderState.of(waiting.frame).data, waiting.target))
+                    )
                 except Exception as error:
                     self._end_worker()  # it may still be going to answer
                     waiting.drawn.set_exception(error)
@@ -153,20 +155,20 @@ class RenderProcess:
             self._changed.wait_for(lambda: self._waiting or self._is_closed)
             return None if self._is_closed else self._waiting.pop(next(iter(self._waiting)))
 
-    def _draw(self, request: Request) -> Drawn:
+    def _draw(self, request: RenderRequest) -> RenderResult:
         """Raises `AutodriveError` if nothing can be drawn."""
         while True:
             answer = self._answer(self._started(), request)
-            if isinstance(answer, Drawn):
+            if isinstance(answer, RenderResult):
                 return answer
 
-    def _started(self) -> _Worker:
+    def _started(self) -> _RenderWorker:
         """A worker that can draw. Raises `AutodriveError` if there cannot be one."""
         while self._worker is None:
             if self.error or self._is_closed:
                 raise AutodriveError(self.error or self._closed)
             try:
-                worker = _Worker()
+                worker = _RenderWorker()
             except OSError as error:
                 raise self._unavailable(f"their process cannot be started: {error.strerror}") from None
             with self._changed:
@@ -179,8 +181,11 @@ class RenderProcess:
                 self._has_started.set()
         return self._worker
 
-    def _answer(self, worker: _Worker, request: Request | CameraRig) -> Ready | Drawn | None:
-        """None if the worker has died and another can be started. Raises `AutodriveError` if nothing can be drawn."""
+    def _answer(self, worker: _RenderWorker, request: RenderRequest | CameraRig) -> Ready | RenderResult | None:
+        """Send a request to the worker; None if the worker has died and another can be started.
+
+        Raises `AutodriveError` if nothing can be drawn.
+        """
         answer = worker.answer(request)
         if isinstance(answer, Failed):
             self._end_worker()
@@ -194,7 +199,7 @@ class RenderProcess:
         self._has_started.clear()
         self.deaths += 1
         self._death_times.append(self._clock())
-        recent = sum(self._death_times[-1] - one < RESTART_PERIOD for one in self._death_times)
+        recent = sum(self._death_times[-1] - death_time < RESTART_PERIOD for death_time in self._death_times)
         if recent > RESTARTS:
             raise self._unavailable(f"their process ended unexpectedly {recent} times in an hour, now with {status}")
         text = "the process of the %s ended unexpectedly (%s); it is started again (%d of %d)"
@@ -223,7 +228,7 @@ class RenderProcess:
         return f"the {self._subject} of this world were closed"
 
 
-class _Worker:
+class _RenderWorker:
     """A running `render_worker`."""
 
     def __init__(self) -> None:
@@ -233,7 +238,7 @@ class _Worker:
         self._is_closed = threading.Event()
         threading.Thread(target=self._watch, name="autodrive-watchdog", daemon=True).start()
 
-    def answer(self, request: object) -> Ready | Drawn | Failed | None:
+    def answer(self, request: object) -> Ready | RenderResult | Failed | None:
         """Send a request and wait for its answer; None if the worker has died."""
         stdin, stdout = self.process.stdin, self.process.stdout
         assert stdin is not None
@@ -285,8 +290,8 @@ class _Worker:
                 return
 
 
-def failed(drawn: Future[Drawn], reason: str) -> Future[Drawn]:
-    """The same Future, with that error unless it was cancelled."""
+def failed(drawn: Future[RenderResult], reason: str) -> Future[RenderResult]:
+    """Set this error in a Future, unless it was cancelled, and return the Future."""
     if drawn.set_running_or_notify_cancel():
         drawn.set_exception(AutodriveError(reason))
     return drawn

@@ -1,10 +1,10 @@
 """What runs in a `RenderProcess`: draws the cameras of vehicles, and views as JPEG.
 
-The simulator sends a `CameraRig`, which is answered by `Ready`, then a `Request` for each `Drawn`. `Failed` is the last
-answer. Images come through a large pipe, which takes the same time, within 3 %, as memory that both processes map;
-Linux, macOS and Windows map memory each in their own way. (The `SharedMemory` of the standard library is in /dev/shm,
-which has 64 MB in a container, and a process that writes more is killed; before Python 3.13 it is also tracked by, and
-removed with, each process that opens it.)
+The simulator sends a `CameraRig`, which is answered by `Ready`, then a `RenderRequest` for each `RenderResult`.
+`Failed` is the last answer. Images come through a large pipe, which takes the same time, within 3 %, as memory that
+both processes map; Linux, macOS and Windows map memory each in their own way. (The `SharedMemory` of the standard
+library is in /dev/shm, which has 64 MB in a container, and a process that writes more is killed; before Python 3.13 it
+is also tracked by, and removed with, each process that opens it.)
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from autodrive.physics.sensors.camera_view import View
 JPEG_QUALITY = 80
 
 VIEW_PERIOD = 1.0 / 30.0
-"""If a view takes longer [s], quality 'auto' stops smoothing edges."""
+"""Longest time of a view [s] with which quality 'auto' smooths edges."""
 
 
 class CameraImages(NamedTuple):
@@ -59,7 +59,7 @@ class Jpeg(NamedTuple):
 Target: TypeAlias = CameraImages | Jpeg
 
 
-class Request(NamedTuple):
+class RenderRequest(NamedTuple):
     """Draw a state."""
 
     state: Floats
@@ -73,11 +73,11 @@ class Ready(NamedTuple):
     renderer: str
 
 
-class Drawn(NamedTuple):
+class RenderResult(NamedTuple):
     """A request has been drawn."""
 
     answer: Any
-    """As its target says."""
+    """What the target of the request returns."""
     seconds: float
     """Wall time that drawing took [s]."""
 
@@ -100,7 +100,7 @@ def main() -> None:
             answers.flush()
 
 
-def _answers(pipe: BinaryIO) -> Iterator[Ready | Drawn | Failed]:
+def _answers(pipe: BinaryIO) -> Iterator[Ready | RenderResult | Failed]:
     """An exception becomes a `Failed`."""
     try:
         yield from _drawn(pickle.load(pipe), _requests(pipe))
@@ -109,13 +109,13 @@ def _answers(pipe: BinaryIO) -> Iterator[Ready | Drawn | Failed]:
         yield Failed(" ".join(f"{unexpected}{error}".split()))
 
 
-def _requests(pipe: BinaryIO) -> Iterator[Request]:
+def _requests(pipe: BinaryIO) -> Iterator[RenderRequest]:
     with contextlib.suppress(EOFError):
         while True:
             yield pickle.load(pipe)
 
 
-def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Drawn]:
+def _drawn(rig: CameraRig, requests: Iterator[RenderRequest]) -> Iterator[Ready | RenderResult]:
     array, noise = CameraArray(rig), None
     drawing = AdaptiveRenderer(rig.scene, rig.quality, _shortest_period(rig))
     try:
@@ -131,7 +131,7 @@ def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Draw
                     array.reset(noise[1])
                 answer = array.capture(drawing.renderer, state, target.tick, target.cameras)
             seconds = time.perf_counter() - start
-            yield Drawn(answer, seconds)
+            yield RenderResult(answer, seconds)
             drawing.add_draw_time(seconds)
     finally:
         drawing.release()

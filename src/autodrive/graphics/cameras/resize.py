@@ -25,7 +25,7 @@ def resized(rgba: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint
 
 @lru_cache(maxsize=64)
 def _taps(old: int, new: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """For each of `new` pixels along an edge: the first of the `old` pixels that it uses, and their weights (sum 1).
+    """The first of the `old` pixels that each of `new` pixels along an edge uses, and their weights (sum 1).
 
     A new pixel covers old / new old pixels. If that is at least 1, weights are the covered shares; else the two nearest
     centres are interpolated.

@@ -32,7 +32,7 @@ class CameraSlot(NamedTuple):
     """One camera of one vehicle."""
 
     row: int
-    """Of the vehicle, in a `RenderState`."""
+    """Row of the vehicle in a `RenderState`."""
     vehicle: str
     camera: str
     spec: CameraSpec
@@ -49,7 +49,7 @@ class CameraRig:
     substep: Fraction = Fraction(1, 1000)
     """[s]."""
     substeps: int = 1
-    """In a tick."""
+    """Length of a tick [substeps]."""
 
     @property
     def scene(self) -> RenderScene:

@@ -80,11 +80,11 @@ def check_sensor(view: ViewSensor, slots: Sequence[CameraSlot]) -> CameraSlot:
 
 def sensor_view(view: ViewSensor, slot: CameraSlot, frame: Frame) -> View:
     """What that camera sees in that Frame, without the distortion of its lens."""
-    spec, of = slot.spec, slot.spec.intrinsics
+    spec, full = slot.spec, slot.spec.intrinsics
     width = min(view.width, spec.width)
     share = width / spec.width
     height = max(1, round(share * spec.height))
-    pinhole = CameraIntrinsics(width, height, share * of.fx, share * of.fy, share * of.cx, share * of.cy)
+    pinhole = CameraIntrinsics(width, height, share * full.fx, share * full.fy, share * full.cx, share * full.cy)
     place = world_from_camera(*_place(frame.vehicles[slot.vehicle].pose), spec.mount)
     return View(*place, pinhole, spec.near, spec.far)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.overlays import Marks, Overlays
 from autodrive.graphics.cameras.render_process import RenderProcess, failed
-from autodrive.graphics.cameras.render_worker import Drawn, Jpeg
+from autodrive.graphics.cameras.render_worker import Jpeg, RenderResult
 from autodrive.graphics.cameras.scene_camera import SceneCamera, check_sensor, check_view, image_size, sensor_view
 from autodrive.protocol.native import ViewSensor
 
@@ -50,7 +50,7 @@ class SceneViews:
 
     def draw(
         self, client: int, view: SetCamera | ViewSensor, frame: Frame, marks: Marks | None = None
-    ) -> Future[Drawn]:
+    ) -> Future[RenderResult]:
         """The JPEG image of that Frame; `client`: a number that identifies the client; `marks`: for its overlays.
 
         While an image of that client is still waiting, its view and Frame are replaced and the same Future is
@@ -72,7 +72,7 @@ class SceneViews:
         return self.process.draw(client, frame, Jpeg(viewpoint.view(*image_size(view.width)), strokes=strokes))
 
     def forget(self, client: int) -> None:
-        """That client has left or draws itself; its waiting image fails."""
+        """Forget a client that has left or draws itself; its waiting image fails."""
         with self._lock:
             self._cameras.pop(client, None)
         self.process.forget(client)

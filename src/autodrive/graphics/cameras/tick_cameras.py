@@ -48,8 +48,8 @@ class TickCameras:
     def restore(self, saved: Any) -> None:
         """Continue from a `save`."""
         self._latest, cameras = saved
-        for camera, one in zip(self._array.cameras, cameras, strict=True):
-            camera.restore(one)
+        for camera, state in zip(self._array.cameras, cameras, strict=True):
+            camera.restore(state)
 
     @property
     def has_pending_images(self) -> bool:

@@ -44,7 +44,7 @@ class Viewpoint:
     """Position, orientation and field of view, independent of the image size."""
 
     position: Vector
-    """In the map [m]."""
+    """Position in the map [m]."""
     orientation: Quaternion
     """Map from optical frame (x right, y down, z forward)."""
     field_of_view_deg: float = FIELD_OF_VIEW_DEG
@@ -55,7 +55,7 @@ class Viewpoint:
     """[m]."""
 
     def zoomed(self, zoom: float) -> Viewpoint:
-        """The same place with `zoom` times the focal length."""
+        """A viewpoint at this place with `zoom` times the focal length."""
         half = math.atan(math.tan(0.5 * self.field_of_view_deg * DEGREE) / zoom)
         return self if zoom == 1.0 else replace(self, field_of_view_deg=2.0 * half / DEGREE)
 
@@ -86,7 +86,7 @@ def orbit(
     elevation_deg: float,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Viewpoint:
-    """At `distance` [m] from `target`, looking at it.
+    """A viewpoint at `distance` [m] from `target`, looking at it.
 
     Azimuth 0: from +x, 90: from +y; elevation 90: from above [degree].
     """

@@ -32,14 +32,14 @@ Integers: TypeAlias = "NDArray[np.int64]"
 Extent: TypeAlias = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max."""
 Rings: TypeAlias = tuple[Integers, ...]
-"""Of a cell, each of shape (n, 2): the outer one, turning left, then its holes."""
+"""Rings of a cell, each of shape (n, 2): the outer one, turning left, then its holes."""
 
 KERB_HEIGHT, KERB_STEP = 0.0045, 0.003
 """Heights of kerb and pavement, and of the face of the kerb towards the road [m]; all outside the drivable area. They
 are drawn only: for wheels and LIDARs the ground is level."""
 
 WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
-"""As `PAINT` in render/shaders/light.glsl."""
+"""Material of paint; its colour is `PAINT` in render/shaders/light.glsl."""
 MATERIALS = {
     "floor": (Material("floor", (1.0, 1.0, 1.0), roughness=0.9, texture="floor"), 1.6),
     "lawn": (Material("lawn", (1.0, 1.0, 1.0), roughness=1.0, texture="grass"), 0.8),
@@ -57,7 +57,7 @@ LEVEL = ("kerb", "pavement")
 SCALE = round(1.0 / GRID)
 """Outlines have integer coordinates [1/SCALE m], from here on."""
 MAX_TILES = 10_000
-"""That are remembered."""
+"""Most tiles that are remembered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +94,17 @@ def tile_surfaces(
     pieces = _cut(_cut(_outlines(layers), edge, 0), edge, 1)
     vertical, horizontal = _borders(pieces, within, edge)
     outlines = _by_tile(pieces, vertical, horizontal, within, edge)
-    keys = [one.tobytes() for one in outlines]
-    cells = [_known(_cells, key, lambda one=one: _polygonized(one)) for key, one in zip(keys, outlines, strict=True)]
+    keys = [outline.tobytes() for outline in outlines]
+    cells = [
+        _known(_cells, key, lambda outline=outline: _polygonized(outline))
+        for key, outline in zip(keys, outlines, strict=True)
+    ]
     kinds = iter(_layers_at(layers, np.concatenate([points for _, points in cells])))
     tiles: list[_Tile] = []
-    for key, (its, _) in zip(keys, cells, strict=True):
-        own = tuple(next(kinds) for _ in its)
-        tiles.append(_known(_tiles, (key, own), lambda its=its, own=own: _tile(its, own)))
-    road = next((one.name for one in layers if one.name in ("road", "track")), "road")
+    for key, (rings, _) in zip(keys, cells, strict=True):
+        own = tuple(next(kinds) for _ in rings)
+        tiles.append(_known(_tiles, (key, own), lambda rings=rings, own=own: _tile(rings, own)))
+    road = next((layer.name for layer in layers if layer.name in ("road", "track")), "road")
     yield -1, (_level(_floor(vertical, horizontal, within, _integers(far)), "floor", Label.GROUND),)
     for number, tile in enumerate(tiles):
         row, column = divmod(number, columns)
@@ -113,11 +116,11 @@ def tile_surfaces(
 
 def _known(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
     """What was made for that key, or is made now."""
-    if (found := known.get(key)) is None:
+    if (made := known.get(key)) is None:
         if len(known) >= MAX_TILES:
             known.clear()
-        found = known[key] = make()
-    return found
+        made = known[key] = make()
+    return made
 
 
 def _integers(extent: Extent) -> tuple[int, int, int, int]:
@@ -130,7 +133,7 @@ def _integers(extent: Extent) -> tuple[int, int, int, int]:
 
 def _outlines(layers: Iterable[Layer]) -> Integers:
     """The edges of all polygons; equal ones have the same direction."""
-    rings = shapely.get_rings(np.concatenate([one.polygons for one in layers]))
+    rings = shapely.get_rings(np.concatenate([layer.polygons for layer in layers]))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     points = np.rint(points * SCALE).astype(np.int64)
     a, b = points[:-1][ring[1:] == ring[:-1]], points[1:][ring[1:] == ring[:-1]]
@@ -231,17 +234,17 @@ def _layers_at(layers: Sequence[Layer], points: Floats) -> list[tuple[str, Label
     tree = shapely.STRtree(places)
 
     def within(layer: Layer) -> NDArray[np.bool_]:
-        found = np.zeros(len(points), bool)
-        found[tree.query(layer.polygons, predicate="intersects")[1]] = True
-        return found
+        is_inside = np.zeros(len(points), bool)
+        is_inside[tree.query(layer.polygons, predicate="intersects")[1]] = True
+        return is_inside
 
     inside = [within(layer) for layer in layers]
-    is_driven = np.any([its for layer, its in zip(layers, inside, strict=True) if layer.is_driven], axis=0)
-    which = np.full(len(points), len(layers))
-    for i, (layer, its) in reversed([*enumerate(zip(layers, inside, strict=True))]):
-        which[its & (is_driven if layer.is_paint else True)] = i
+    is_driven = np.any([is_inside for layer, is_inside in zip(layers, inside, strict=True) if layer.is_driven], axis=0)
+    numbers = np.full(len(points), len(layers))
+    for i, (layer, is_inside) in reversed([*enumerate(zip(layers, inside, strict=True))]):
+        numbers[is_inside & (is_driven if layer.is_paint else True)] = i
     kinds = [*((layer.name, layer.label) for layer in layers), ("floor", Label.GROUND)]
-    return [kinds[i] for i in which.tolist()]
+    return [kinds[i] for i in numbers.tolist()]
 
 
 def _tile(cells: tuple[Rings, ...], layers: tuple[tuple[str, Label], ...]) -> _Tile:
@@ -305,12 +308,12 @@ def _surfaces(tile: _Tile, around: Sequence[_Tile], road: str) -> tuple[MeshSurf
     groups: dict[tuple[str, Label], list[Rings]] = {}
     for rings, kind in zip(tile.cells, tile.layers, strict=True):
         groups.setdefault(kind, []).append(rings)
-    high = frozenset[int]().union(*(one.level for one in around))
+    high = frozenset[int]().union(*(neighbour.level for neighbour in around))
     surfaces = [_level(cells, name, label, road=road, high=high) for (name, label), cells in groups.items()]
     walls = [
         ((a, b), tile.layers[cell][0])
         for (a, b), cell in tile.edges.items()
-        if not any((b, a) in one.edges for one in around)
+        if not any((b, a) in neighbour.edges for neighbour in around)
     ]
     if walls:
         material, period = MATERIALS["kerb"]
@@ -338,7 +341,7 @@ def _heights(vertices: Integers, name: str, high: frozenset[int]) -> Floats:
     """Heights of vertices of that layer [m]; a bevel rises from the road to the kerb."""
     if name not in RAISED:
         return np.zeros(len(vertices))
-    return np.array([KERB_HEIGHT if name in LEVEL or one in high else KERB_STEP for one in vertices.tolist()])
+    return np.array([KERB_HEIGHT if name in LEVEL or vertex in high else KERB_STEP for vertex in vertices.tolist()])
 
 
 def _triangles(rings: Rings) -> Integers:
@@ -352,7 +355,7 @@ def _faces(walls: Sequence[tuple[tuple[int, int], str]], high: frozenset[int], p
     ends = np.array([edge for edge, _ in walls]).T
     a, b = map(_unpacked, ends)
     top_a, top_b = (
-        np.concatenate([_heights(one[None], name, high) for one, (_, name) in zip(end, walls, strict=True)])
+        np.concatenate([_heights(vertex[None], name, high) for vertex, (_, name) in zip(end, walls, strict=True)])
         for end in ends
     )
     zero = np.zeros(len(a))

@@ -62,7 +62,7 @@ LENSES = {
 }
 """The emission is that of a lit lamp; the values are ours."""
 VISOR_DEPTH = 0.0045
-"""So far does a visor stand out of the housing [m], which is what LIDARs and vehicles hit."""
+"""Length of a visor beyond the housing of a traffic light [m]; the housing is what LIDARs and vehicles hit."""
 CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
 ATLAS = 3
 """Number of sign faces in each row and column of their texture."""
@@ -160,9 +160,9 @@ def solid_texture(name: str) -> NDArray[np.uint8]:
 
 
 @cache
-def _on_plaster(elements: str) -> NDArray[np.uint8]:
+def _on_plaster(svg: str) -> NDArray[np.uint8]:
     """A drawing on white, of 100 x 100, with the grain of plaster."""
-    image = _rasterized(f'<rect width="100" height="100" fill="#fff"/>{elements}', 100).astype(np.float64)
+    image = _rasterized(f'<rect width="100" height="100" fill="#fff"/>{svg}', 100).astype(np.float64)
     grain = texture("plaster").astype(np.float64)
     return np.clip(image * (grain / grain.mean((0, 1))) * 0.82, 0, 255).astype(np.uint8)
 
@@ -262,11 +262,11 @@ def sign_faces() -> NDArray[np.uint8]:
 
 
 @cache
-def _rasterized(elements: str, extent: float) -> NDArray[np.uint8]:
+def _rasterized(shapes: str, extent: float) -> NDArray[np.uint8]:
     """A square SVG drawing of that extent as an image."""
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{SIZE}" height="{SIZE}" '
-        f'viewBox="0 0 {extent} {extent}">{elements}</svg>'
+        f'viewBox="0 0 {extent} {extent}">{shapes}</svg>'
     )
     return decode_png(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True))[..., :3]
 
@@ -348,7 +348,7 @@ def _box_texture() -> NDArray[np.uint8]:
     )
     lid = '<path d="M80 10 H100" stroke="#5b3d1c" stroke-width=".35"/><path d="M80 6.2 h20 v7.6 h-20 Z" fill="#a8753a" fill-opacity=".85"/>'
     edges = '<path d="M0 0 V100 M40 0 V100 M80 0 V100 M0 0 H100 M80 20 H100 M0 100 H100" stroke="#7d5527" stroke-opacity=".45" stroke-width=".8" fill="none"/>'
-    elements = f'<rect width="100" height="100" fill="#ba9264"/>{band}{tape}{arrows}{label}{lid}{edges}'
-    image = _rasterized(elements, 100).astype(np.float64)
+    svg = f'<rect width="100" height="100" fill="#ba9264"/>{band}{tape}{arrows}{label}{lid}{edges}'
+    image = _rasterized(svg, 100).astype(np.float64)
     paper = texture("cardboard").astype(np.float64)
     return np.clip(image * (paper / paper.mean((0, 1))), 0, 255).astype(np.uint8)

@@ -22,7 +22,7 @@ class Mesh(NamedTuple):
     """Triangles with normals and texture coordinates."""
 
     positions: Floats
-    """Of the vertices [m], shape (n, 3)."""
+    """Positions of the vertices [m], shape (n, 3)."""
     normals: Floats
     """Unit vectors, shape (n, 3)."""
     triangles: NDArray[np.integer]

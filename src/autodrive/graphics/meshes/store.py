@@ -24,7 +24,7 @@ from autodrive.graphics.meshes.vehicle_paint import painted
 from autodrive.graphics.render.scene import RenderScene
 
 if TYPE_CHECKING:
-    from autodrive.graphics.meshes.map import Part
+    from autodrive.graphics.meshes.map import GroundPart
     from autodrive.scenario.maps.map import Map
     from autodrive.scenario.maps.solids import BoxPlacement
     from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -44,7 +44,7 @@ class Drawable(Protocol):
 
     @property
     def vehicles(self) -> Mapping[str, VehicleSpec]:
-        """By name, in the order of the rows of a RenderState."""
+        """Vehicles by name, in the order of the rows of a RenderState."""
         ...
 
     @property
@@ -60,9 +60,9 @@ def scene_of(world: Drawable) -> RenderScene:
     """
     known: dict[str, Asset] = {}
 
-    def shared(kind: Kind, of: Any) -> Asset:
-        name = file_name(kind, of)
-        return known.get(name) or known.setdefault(name, _asset(kind, of))
+    def shared(kind: Kind, shown: Any) -> Asset:
+        name = file_name(kind, shown)
+        return known.get(name) or known.setdefault(name, _asset(kind, shown))
 
     def car(number: int, spec: VehicleSpec) -> Asset:
         asset = shared("vehicle", spec)
@@ -91,15 +91,15 @@ def box(size: tuple[float, float, float]) -> Asset:
     return _asset("box", size)
 
 
-def file(kind: Kind, of: Any, *, is_kept: bool = True) -> tuple[str, bytes]:
+def file(kind: Kind, shown: Any, *, is_kept: bool = True) -> tuple[str, bytes]:
     """Name and content of the .glb file of a vehicle (its Spec), a map or a box (its size); the name is a hash.
 
     `is_kept`: in the cache; False for one of the many states of a map that is being built.
     """
     if not is_kept:
-        return _named(kind, write_glb(_build(kind, of)))
-    name = file_name(kind, of)
-    return name, _cached(name, lambda: _build(kind, of))[1]
+        return _named(kind, write_glb(_build(kind, shown)))
+    name = file_name(kind, shown)
+    return name, _cached(name, lambda: _build(kind, shown))[1]
 
 
 def map_files(map_: Map) -> tuple[tuple[str, bytes], list[tuple[str, bytes]]]:
@@ -114,12 +114,12 @@ def map_files(map_: Map) -> tuple[tuple[str, bytes], list[tuple[str, bytes]]]:
 
 
 @lru_cache(maxsize=256)
-def _part_file(part: Part) -> tuple[str, bytes]:
+def _part_file(part: GroundPart) -> tuple[str, bytes]:
     return _named("ground", write_glb(part.asset))
 
 
 def _named(kind: str, data: bytes) -> tuple[str, bytes]:
-    """To hash the file is faster than to hash all that it follows from."""
+    """Content of a file, and its name from a hash of it: faster than a hash of all that the content follows from."""
     return f"{kind}-{hashlib.sha256(data).hexdigest()[:24]}.glb", data
 
 
@@ -172,25 +172,25 @@ def _libraries() -> str:
     return " ".join(version(name) for name in ("numpy", "shapely", "trimesh", "manifold3d", "simplejpeg"))
 
 
-def _asset(kind: Kind, of: Any) -> Asset:
-    return cached(file_name(kind, of), lambda: _build(kind, of))
+def _asset(kind: Kind, shown: Any) -> Asset:
+    return cached(file_name(kind, shown), lambda: _build(kind, shown))
 
 
-def _build(kind: Kind, of: Any) -> Asset:
+def _build(kind: Kind, shown: Any) -> Asset:
     """Imports the builders only if needed: importing them takes longer than reading from the cache."""
     if kind == "vehicle":
         from autodrive.graphics.meshes.vehicle import vehicle_asset
 
-        return vehicle_asset(of)
+        return vehicle_asset(shown)
     from autodrive.graphics.meshes.map import box_asset, map_asset
 
-    return map_asset(of) if kind == "map" else box_asset(of)
+    return map_asset(shown) if kind == "map" else box_asset(shown)
 
 
-def file_name(kind: Kind, of: Any) -> str:
+def file_name(kind: Kind, shown: Any) -> str:
     """File name with a hash of the content."""
     digest = hashlib.sha256()
-    _add_to_digest(digest.update, of)
+    _add_to_digest(digest.update, shown)
     return f"{kind}-{digest.hexdigest()[:24]}.glb"
 
 

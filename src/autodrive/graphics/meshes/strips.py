@@ -34,7 +34,7 @@ OFF_ROAD = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class StripLine:
     """The middle of a strip and what it shows."""
 
     right: Floats
@@ -45,7 +45,7 @@ class Line:
     """[m]; at a bend the points are farther apart."""
     is_endless: bool
     right_amounts: tuple[float, float]
-    """Of paint and of shade, 0 to 1."""
+    """Amounts of paint and of shade at the right side, 0 to 1."""
     left_amounts: tuple[float, float]
 
     @functools.cached_property
@@ -70,7 +70,7 @@ class Line:
         return own
 
 
-def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> list[Line | None]:
+def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> list[StripLine | None]:
     """A strip for each polygon that is a line on that road, None for the others."""
     shapely.prepare(road)
 
@@ -81,7 +81,7 @@ def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> li
     return [line if line is not None and is_on_road(polygon) else None for polygon, line in lines]
 
 
-def shade_along(points: Floats, width: float, shade: float) -> Line:
+def shade_along(points: Floats, width: float, shade: float) -> StripLine:
     """Shade on the right side of a line: `shade` at the line and nothing at that distance.
 
     A closed line ends with its first point.
@@ -94,10 +94,10 @@ def shade_along(points: Floats, width: float, shade: float) -> Line:
     along = before + after
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
     aside = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.sum(along * after, axis=1), 0.5)[:, None]
-    return Line(points + width * aside, points, width, is_closed, (0.0, 0.0), (0.0, shade))
+    return StripLine(points + width * aside, points, width, is_closed, (0.0, 0.0), (0.0, shade))
 
 
-def strips(lines: Iterable[Line]) -> Strips | None:
+def strips(lines: Iterable[StripLine]) -> Strips | None:
     """All lines in one mesh; none if there are no lines."""
     vertices = [line.vertices for line in lines]
     if not vertices:
@@ -109,7 +109,7 @@ def strips(lines: Iterable[Line]) -> Strips | None:
 
 
 @functools.lru_cache(maxsize=20_000)
-def _line(wkb: bytes) -> Line | None:
+def _line(wkb: bytes) -> StripLine | None:
     """The strip that a polygon (WKB) is, if it has two long sides beside each other; an edit changes few of them."""
     polygon: Any = shapely.from_wkb(wkb)
     ring = shapely.get_coordinates(shapely.get_exterior_ring(orient(polygon)))[:-1]
@@ -123,7 +123,7 @@ def _line(wkb: bytes) -> Line | None:
         return None
     kept = shapely.get_coordinates(shapely.simplify(shapely.LineString(middle), TOLERANCE))
     is_kept = np.isin(middle.view(np.complex128)[:, 0], kept.view(np.complex128)[:, 0])
-    return Line(right[is_kept], left[is_kept], float(apart.min()), False, (1.0, 0.0), (1.0, 0.0))
+    return StripLine(right[is_kept], left[is_kept], float(apart.min()), False, (1.0, 0.0), (1.0, 0.0))
 
 
 def _sides_of_arc(ring: Floats) -> tuple[Floats, Floats] | None:

@@ -37,7 +37,7 @@ DUCT_PROFILE = (
 The edges are those of the box that vehicles and LIDARs hit; the normals shade it like a round duct.
 """
 WALL_PROFILE = (((-1.0, -1.0), None), ((-1.0, 1.0), None), ((1.0, 1.0), None), ((1.0, -1.0), None))
-"""Likewise around a wall, whose faces look flat."""
+"""Cross-section of a wall, as `DUCT_PROFILE` is of a duct, but with faces that look flat."""
 STEPS: dict[Detail, int] = {"full": 1, "reduced": 1, "shadow": 2}
 """What casts the shadow has every second edge of what is drawn, which is the same box."""
 DUCT_FOOT, WALL_FOOT = 0.5, 0.65
@@ -51,7 +51,7 @@ RING_PERIOD = 0.5
 
 
 _Edge: TypeAlias = tuple[tuple[float, float], tuple[float, float] | None]
-"""As in `DUCT_PROFILE`."""
+"""An edge of a profile, as in `DUCT_PROFILE`."""
 
 
 def barrier_nodes(track: Track) -> Iterator[AssetNode]:
@@ -63,8 +63,8 @@ def barrier_nodes(track: Track) -> Iterator[AssetNode]:
 def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
     """The surfaces of each node."""
     spec = track.barrier
-    found = barriers(track)
-    for barrier, back in zip(found, _backs(found) if found else [], strict=True):
+    all_barriers = barriers(track)
+    for barrier, back in zip(all_barriers, _backs(all_barriers) if all_barriers else [], strict=True):
         for line in (*_chunks(barrier, back), *_pieces_beyond(barrier, back)):
             if spec.kind == "duct":
                 yield {detail: _duct(line, spec.height, detail) for detail in STEPS}
@@ -72,11 +72,11 @@ def _levels(track: Track) -> Iterator[dict[Detail, tuple[MeshSurface, ...]]]:
                 yield dict.fromkeys(STEPS, _wall(line, spec.height))
 
 
-class _Line(NamedTuple):
+class _BarrierPart(NamedTuple):
     """A part of a barrier."""
 
     points: Floats
-    """On its face [m], shape (n, 2)."""
+    """Points on the face [m], shape (n, 2)."""
     back: Floats
     """Vectors from these points to the back edge of the top, with mitred corners [m], shape (n, 2)."""
     deep: Floats
@@ -84,13 +84,13 @@ class _Line(NamedTuple):
 
 
 def _deep(barrier: Barrier) -> Floats:
-    """As `_Line.deep`."""
+    """Vectors from the face of each solid piece of a barrier to its back [m], shape (n - 1, 2)."""
     ahead = np.diff(barrier.points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1)[:, None]
     return np.column_stack([ahead[:, 1], -ahead[:, 0]]) * barrier.depth[:, None]
 
 
-def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_BarrierPart]:
     """Each solid piece whose top is not covered by the top with mitred corners.
 
     It is a piece at a sharp corner, or a thick one between thin ones.
@@ -102,19 +102,23 @@ def _pieces_beyond(barrier: Barrier, back: Floats) -> Iterator[_Line]:
     shapely.prepare(covered)
     pieces = shapely.polygons(np.stack([begin, end, end + deep, begin + deep], axis=1))
     for k in np.flatnonzero(~shapely.covers(covered, pieces)).tolist():
-        yield _Line(barrier.points[k : k + 2], deep[[k, k]], deep[[k]])
+        yield _BarrierPart(barrier.points[k : k + 2], deep[[k, k]], deep[[k]])
 
 
-def _backs(found: list[Barrier]) -> list[Floats]:
-    """For each barrier the vectors from its points to its back edge [m], shape (n, 2), with mitred corners.
+def _backs(barriers: list[Barrier]) -> list[Floats]:
+    """Vectors from the points of each barrier to its back edge [m], shape (n, 2), with mitred corners.
 
     They are shorter where the back would else reach through another face into the free space: a mitred corner is
     farther behind its face than the solid pieces, which have square ends.
     """
-    mitres, depths = zip(*(_mitres(barrier) for barrier in found), strict=True)
-    mitre, depth, points = np.vstack(mitres), np.concatenate(depths), np.vstack([one.points for one in found])
+    mitres, depths = zip(*(_mitres(barrier) for barrier in barriers), strict=True)
+    mitre, depth, points = (
+        np.vstack(mitres),
+        np.concatenate(depths),
+        np.vstack([barrier.points for barrier in barriers]),
+    )
     is_start = np.ones(len(points), bool)
-    is_start[np.cumsum([len(one.points) for one in found]) - 1] = False
+    is_start[np.cumsum([len(barrier.points) for barrier in barriers]) - 1] = False
     a = np.flatnonzero(is_start)
     tree = shapely.STRtree(_lines(points[a], points[a + 1]))
     todo = a
@@ -126,9 +130,9 @@ def _backs(found: list[Barrier]) -> list[Floats]:
         todo = todo[np.maximum(depth[todo], depth[todo + 1]) > 2.0 * BEHIND]
         both = np.unique([todo, todo + 1])
         depth[both] = np.maximum(0.8 * depth[both], 1.5 * BEHIND)
-    splits = np.cumsum([len(one.points) for one in found])[:-1]
+    splits = np.cumsum([len(barrier.points) for barrier in barriers])[:-1]
     backs = np.split(mitre * depth[:, None], splits)
-    for barrier, back in zip(found, backs, strict=True):
+    for barrier, back in zip(barriers, backs, strict=True):
         if barrier.is_closed:
             back[0] = back[-1] = min(back[0], back[-1], key=np.linalg.norm)
     return backs
@@ -140,7 +144,7 @@ def _lines(*points: Floats) -> Any:
 
 
 def _mitres(barrier: Barrier) -> tuple[Floats, Floats]:
-    """At each point of a face: the vector to a line 1 m behind it, mitred, and the thickness of the barrier [m]."""
+    """Vectors from the points of a face to a line 1 m behind it, mitred, and the thickness of the barrier there [m]."""
     step = np.diff(barrier.points, axis=0)
     step /= np.linalg.norm(step, axis=1)[:, None]
     before = np.vstack([step[-1:] if barrier.is_closed else step[:1], step])
@@ -154,7 +158,7 @@ def _mitres(barrier: Barrier) -> tuple[Floats, Floats]:
     return back * stretch[:, None], depth
 
 
-def _chunks(barrier: Barrier, back: Floats) -> Iterator[_Line]:
+def _chunks(barrier: Barrier, back: Floats) -> Iterator[_BarrierPart]:
     """The barrier in parts of about `CHUNK`."""
     points, deep = barrier.points, _deep(barrier)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -164,17 +168,17 @@ def _chunks(barrier: Barrier, back: Floats) -> Iterator[_Line]:
             cuts.append(i)
     cuts.append(len(points) - 1)
     for a, b in itertools.pairwise(cuts):
-        yield _Line(points[a : b + 1], back[a : b + 1], deep[a:b])
+        yield _BarrierPart(points[a : b + 1], back[a : b + 1], deep[a:b])
 
 
-def _wall(line: _Line, height: float) -> tuple[MeshSurface, ...]:
+def _wall(line: _BarrierPart, height: float) -> tuple[MeshSurface, ...]:
     along = _along(line) / TEXTURE_SIZE
     front, top, rear = (_band(line, height, *edges, along) for edges in itertools.pairwise(WALL_PROFILE))
     sides = joined([front, rear, _ends(line, height)]).dim_below(height, WALL_FOOT)
     return sides.surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
 
 
-def _duct(line: _Line, height: float, detail: Detail) -> tuple[MeshSurface, ...]:
+def _duct(line: _BarrierPart, height: float, detail: Detail) -> tuple[MeshSurface, ...]:
     """A tube on the floor; its texture has the rings, whose contrast fades where they are smaller than a pixel.
 
     Its ends are as light as the duct: far gaps between ducts are then no dark dots.
@@ -186,12 +190,12 @@ def _duct(line: _Line, height: float, detail: Detail) -> tuple[MeshSurface, ...]
     return (joined([*bands, _ends(line, height)]).dim_below(0.5 * height, DUCT_FOOT).surface(DUCT, Label.WALL),)
 
 
-def _along(line: _Line) -> Floats:
+def _along(line: _BarrierPart) -> Floats:
     """Way along the face to each point [m], shape (n,)."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.points, axis=0), axis=1))])
 
 
-def _band(line: _Line, height: float, low: _Edge, high: _Edge, along: Floats) -> Mesh:
+def _band(line: _BarrierPart, height: float, low: _Edge, high: _Edge, along: Floats) -> Mesh:
     """Quadrilaterals between two edges of a profile, one for each piece: mitred, but square at the back.
 
     `along`: horizontal texture coordinate of each point, shape (n,).
@@ -210,7 +214,7 @@ def _band(line: _Line, height: float, low: _Edge, high: _Edge, along: Floats) ->
     return _quads(np.stack([a, b, c, d], axis=1), along[:-1], along[1:], normals)
 
 
-def _ends(line: _Line, height: float) -> Mesh:
+def _ends(line: _BarrierPart, height: float) -> Mesh:
     """The square ends of all solid pieces: they show at the ends of a duct, and between two pieces behind a bend."""
     begin, end = line.points[:-1], line.points[1:]
     a, b = np.vstack([begin + line.deep, end]), np.vstack([begin, end + line.deep])

@@ -37,7 +37,9 @@ def vehicle_urdf(spec: VehicleSpec, name: str, asset: Asset) -> tuple[str, dict[
     meshes = meshes_by_link(asset)
     robot = Element("robot", name=name)
     files: dict[str, bytes] = {}
-    for material in sorted({one for parts in meshes.values() for one in parts}, key=lambda one: one.name):
+    for material in sorted(
+        {material for parts in meshes.values() for material in parts}, key=lambda material: material.name
+    ):
         _add_material(robot, material)
     for element in (*_body(spec), *_wheels(spec), *_sensors(spec)):
         robot.append(element)
@@ -57,8 +59,8 @@ def srgb(linear: float) -> float:
 
 def _body(spec: VehicleSpec) -> Iterator[Element]:
     base = _link("base_link", chassis(spec))
-    for one in (*spec.platforms, spec.lidar_collider):
-        _add_collision_box(base, one)
+    for box in (*spec.platforms, spec.lidar_collider):
+        _add_collision_box(base, box)
     yield base
 
 

@@ -30,14 +30,14 @@ def meshes_by_link(asset: Asset) -> dict[str, dict[Material, Triangles]]:
         x, y, z = rotate(turn, node.position)
         place = (origin[0] + x, origin[1] + y, origin[2] + z)
         orientation = compose(turn, node.orientation)
-        kind, _, which = node.name.partition("_")
+        kind, _, place_name = node.name.partition("_")
         if kind in TURNING:
-            link, place, orientation = f"{which}_{TURNING[kind]}", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+            link, place, orientation = f"{place_name}_{TURNING[kind]}", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
         places[node.name] = link, place, orientation
         rotation = np.array(rotation_from_quaternion(orientation)).reshape(3, 3)
-        for one in node.surfaces.get("full", ()):
-            corners = one.positions.astype(np.float64)[one.triangles]
-            parts[link][one.material].append(corners @ rotation.T + place)
+        for surface in node.surfaces.get("full", ()):
+            corners = surface.positions.astype(np.float64)[surface.triangles]
+            parts[link][surface.material].append(corners @ rotation.T + place)
     return {
         link: {material: np.concatenate(pieces) for material, pieces in by_material.items()}
         for link, by_material in parts.items()

@@ -78,7 +78,7 @@ def _add_body(builder: MeshBuilder, spec: VehicleSpec) -> None:
 
 def _shadow(spec: VehicleSpec) -> tuple[MeshSurface, ...]:
     """A few closed shapes with nearly the same shadow."""
-    parts = [box(one.size, one.position) for one in spec.platforms]
+    parts = [box(platform.size, platform.position) for platform in spec.platforms]
     if spec.sensors.lidar is not None:
         x, y, z = spec.sensors.lidar.mount.position
         parts.append(cylinder(0.034, 0.065, (x, y, z - 0.017), n=14))
@@ -131,10 +131,10 @@ def _add_lamp_brackets(builder: MeshBuilder, spec: VehicleSpec) -> None:
         ((lights.head, lights.high_beam, lights.front_indicator), -1.0),
         ((lights.tail, lights.reverse, lights.rear_indicator), 1.0),
     ):
-        xs, ys, zs = zip(*(one.position for one in members), strict=True)
+        xs, ys, zs = zip(*(lamp.position for lamp in members), strict=True)
         x, z = (min(xs) if back < 0.0 else max(xs)) + back * 0.0045, sum(zs) / len(zs)
         width = max(ys) - min(ys) + 4.0 * LENS
-        above = min((one.position[2] for one in spec.platforms if one.position[2] > z), default=z + 0.01)
+        above = min((platform.position[2] for platform in spec.platforms if platform.position[2] > z), default=z + 0.01)
         for side in (-1.0, 1.0):
             y = side * 0.5 * (max(ys) + min(ys))
             builder.add("black", box((0.0035, width, 3.6 * LENS), (x, y, z)))

@@ -61,7 +61,7 @@ def add_computer(builder: MeshBuilder, spec: VehicleSpec) -> None:
 
 def add_wires(builder: MeshBuilder, spec: VehicleSpec) -> None:
     """Battery cables, motor cables and the USB cable of the LIDAR."""
-    low, second, third, fourth = (span(one) for one in spec.platforms[:4])
+    low, second, third, fourth = (span(platform) for platform in spec.platforms[:4])
     y2, y3 = edges(spec.platforms[1])[3], edges(spec.platforms[2])[3]
     back = BATTERY_X - 0.5 * BATTERY_SIZE[0]
     for d, material in ((0.0, "wire_red"), (0.004, "black")):

@@ -86,7 +86,7 @@ def _holes(platform: ColliderSpec, number: int) -> Iterator[shapely.Polygon]:
 
 def add_standoffs(builder: MeshBuilder, spec: VehicleSpec) -> None:
     """Brass standoffs between each two platforms, with screws on top and nuts below."""
-    for lower, upper in pairwise(sorted(spec.platforms, key=lambda one: one.position[2])):
+    for lower, upper in pairwise(sorted(spec.platforms, key=lambda platform: platform.position[2])):
         low, high = span(lower)[1], span(upper)[0]
         a, b = edges(lower), edges(upper)
         x0, x1, y = max(a[0], b[0]) + 0.011, min(a[1], b[1]) - 0.011, min(a[3], b[3]) - 0.011

@@ -32,4 +32,4 @@ VEHICLE_MATERIALS = {
         Material("ribbon", (0.62, 0.62, 0.60), roughness=0.7),
     )
 }
-"""By name."""
+"""Materials of vehicles by name."""

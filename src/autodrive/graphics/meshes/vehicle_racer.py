@@ -230,7 +230,7 @@ def _add_mast(builder: MeshBuilder, spec: VehicleSpec) -> None:
 
 def _between(a: Vector, b: Vector, share: float) -> Vector:
     """The point at that share of the way from a to b."""
-    x, y, z = (one + share * (other - one) for one, other in zip(a, b, strict=True))
+    x, y, z = (start + share * (end - start) for start, end in zip(a, b, strict=True))
     return x, y, z
 
 

@@ -55,7 +55,7 @@ Piece: TypeAlias = tuple[bool, IndexRange]
 """Triangles, and whether vehicles cast shadows on them."""
 
 
-class Part(NamedTuple):
+class PreparedStates(NamedTuple):
     """Some states, prepared for drawing: m states, v vehicles, o objects, r ranges of the static mesh."""
 
     vehicles: np.ndarray
@@ -67,13 +67,13 @@ class Part(NamedTuple):
     bones: NDArray[np.float32]
     """Columns of the bones of vehicles and objects, shape (m, v + o, BONES, 4, 4)."""
     glow: NDArray[np.float32]
-    """See `PosedMesh`, shape (m, v + o, lamps)."""
+    """Brightness of the lamps, see `PosedMesh`, shape (m, v + o, lamps)."""
     eyes: Floats
     """Poses of the camera, shape (m, 4, 4)."""
     clips: Floats
     """Clip space from map axes, shape (m, 4, 4)."""
     centers: Floats
-    """Of vehicles and objects, shape (m, v + o, 3)."""
+    """Centres of vehicles and objects [m], shape (m, v + o, 3)."""
     near: NDArray[np.intp]
     """Vehicles, the nearest to the camera first, shape (m, v)."""
     is_seen: NDArray[np.bool_]
@@ -138,7 +138,7 @@ class BatchRenderer(Renderer):
 
     # -- preparation ------------------------------------------------------------------------------------------------
 
-    def _prepared(self, vehicles: np.ndarray, objects: np.ndarray) -> Part:
+    def _prepared(self, vehicles: np.ndarray, objects: np.ndarray) -> PreparedStates:
         m, v, o = len(vehicles), vehicles.shape[1], objects.shape[1]
         roots, places = rigid_all(vehicles), rigid_all(objects)
         bones = np.zeros((m, v + o, BONES, 4, 4), np.float32)
@@ -158,7 +158,7 @@ class BatchRenderer(Renderer):
         planes, static = sight_planes(clips), self._static.geometry
         is_seen = np.concatenate([in_sight(planes, *static.spheres), in_sight(planes, centers, self._radii)], axis=1)
         is_seen[:, len(static.ranges) + self._row] &= len(self._own_pieces) > 0
-        return Part(
+        return PreparedStates(
             vehicles=vehicles,
             roots=roots,
             places=places,
@@ -186,7 +186,7 @@ class BatchRenderer(Renderer):
             level[0, i, :, :2] = middle[:2] + corners * (half / OUTLINE + DIM)
             level[1, i, :, :2] = middle[:2] + corners * (half / OUTLINE + STEP)
         turns = np.swapaxes(roots[..., :3, :3], -1, -2)
-        below, shade = (one @ turns + roots[..., None, :3, 3] for one in level)
+        below, shade = (outlines @ turns + roots[..., None, :3, 3] for outlines in level)
         points = np.concatenate([below, shade + np.array([*drift, 0.0])], axis=2)
         points = np.concatenate([points - np.array([0.0, 0.0, DIM]), points + np.array([0.0, 0.0, STEP])], axis=2)
         inside = points @ np.swapaxes(planes[:, None, :, :3], -1, -2) + planes[:, None, None, :, 3] > 0.0
@@ -199,7 +199,7 @@ class BatchRenderer(Renderer):
         ranges = self._static.geometry.ranges
         keys: list[tuple[Kind, str]] = [(r.kind, r.textures) for r in ranges]
         order = sorted(dict.fromkeys(keys), key=lambda key: key[0] in LEVEL)
-        return {key: np.array([i for i, one in enumerate(keys) if one == key]) for key in order}
+        return {key: np.array([i for i, other_key in enumerate(keys) if other_key == key]) for key in order}
 
     def _own_vehicle(self) -> tuple[GpuMesh, list[IndexRange]]:
         """What the camera can see of its own vehicle: the vehicle moves with it, but for wheels and levers."""
@@ -225,7 +225,7 @@ class BatchRenderer(Renderer):
 
     # -- drawing ----------------------------------------------------------------------------------------------------
 
-    def _draw_part(self, part: Part, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
+    def _draw_part(self, part: PreparedStates, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
         m = len(part.roots)
         casters = [self._casters(part, k) for k in range(m)]
         is_dimmed = np.array([dims[:, own].any(1) for dims, own in zip(part.is_dimmed, casters, strict=True)])
@@ -261,7 +261,7 @@ class BatchRenderer(Renderer):
         self._pixels.read_into(pixels, size=pixels.nbytes)
         return pixels
 
-    def _static_pieces(self, part: Part, is_dimmed: NDArray[np.bool_]) -> list[list[Piece]]:
+    def _static_pieces(self, part: PreparedStates, is_dimmed: NDArray[np.bool_]) -> list[list[Piece]]:
         """What each image shows of the static mesh; fills the buffer of the triangles.
 
         `is_dimmed`: ranges, vehicles and objects on which shadows of vehicles fall, shape (m, r + v + o).
@@ -285,12 +285,12 @@ class BatchRenderer(Renderer):
             self._indices.write(np.concatenate(chosen).tobytes())
         return pieces
 
-    def _casters(self, part: Part, k: int) -> list[int]:
+    def _casters(self, part: PreparedStates, k: int) -> list[int]:
         """Vehicles whose shadows image k shows, the nearest first."""
         is_casting = part.is_dimmed[k].any(0)
         return [i for i in part.near[k].tolist() if is_casting[i]][:CASTERS]
 
-    def _illumination(self, part: Part, k: int, casters: list[int], is_day: bool) -> Illumination:
+    def _illumination(self, part: PreparedStates, k: int, casters: list[int], is_day: bool) -> Illumination:
         """Light and shadow in image k; draws the shadow maps."""
         draws, v = self._draw_list, len(self._vehicles)
         roots, places, near = part.roots[k], part.places[k], part.near[k].tolist()
@@ -318,7 +318,7 @@ class BatchRenderer(Renderer):
         )
 
     def _posed(
-        self, part: Part, k: int, is_dimmed: NDArray[np.bool_], light: tuple[Illumination, Illumination]
+        self, part: PreparedStates, k: int, is_dimmed: NDArray[np.bool_], light: tuple[Illumination, Illumination]
     ) -> Iterator[DrawCall]:
         """Vehicles and objects in image k. `light`: without and with shadows of vehicles."""
         n = len(self._static.geometry.ranges)

@@ -44,13 +44,13 @@ FRAME = np.dtype(
 """Uniform block of shaders/frame.glsl; matrices are column-major."""
 
 CASTER_COUNTS, BEAM_COUNTS, LAMP_COUNTS = (1, 2, 4), (2, 4, 8), (2, 4, 8)
-"""How many of each a draw call can have, besides none: each number needs a shader."""
+"""Numbers of casters of shadows, beams and lamps that a draw call can have, besides 0: each needs a shader."""
 
 OUTLINE = 0.92
 """A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""
 
 CLOUD_DRIFT = 0.004
-"""Of the clouds in the strongest wind: parts of their pattern by second."""
+"""Drift of the clouds in the strongest wind: parts of their pattern by second."""
 
 Slots: TypeAlias = tuple[int, ...]
 
@@ -66,7 +66,7 @@ class Illumination(NamedTuple):
 
 
 UNREACHED, SHADED = Illumination(), Illumination(is_shaded=True)
-"""Of most meshes: no lamp and no shadow of a vehicle, without and with shadows of static meshes."""
+"""Illumination of most meshes: no lamp and no shadow of a vehicle, without and with shadows of static meshes."""
 
 
 class PosedMesh(NamedTuple):
@@ -105,9 +105,9 @@ class DrawList:
         self._is_ground = np.array([r.kind == "ground" for r in static.geometry.ranges], bool)
         self._is_flat = np.array([r.kind in LEVEL for r in static.geometry.ranges], bool)
         self._is_shaded = np.zeros(0, bool)
-        """For each range of the static mesh: whether shadows of static meshes can fall on it."""
+        """Whether shadows of static meshes can fall on each range of the static mesh."""
         self.outlines = [outline(model) for model in vehicles]
-        """Of each vehicle; see `outline`."""
+        """Outline of each vehicle; see `outline`."""
         self.frame = np.zeros((), FRAME)
         self.n_beam = 0
         """Number of headlights in the first slots of the lamps."""
@@ -117,7 +117,7 @@ class DrawList:
         """Where they cast them by day, see `Shadows.areas`."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
-        """For each range of the static mesh."""
+        """Illumination of each range of the static mesh."""
         self.lamps = np.zeros(0, LAMP)
         """Lit lamps, in the order of their slots."""
 
@@ -174,11 +174,14 @@ class DrawList:
                 self.posed.append(PosedMesh(lens, at_rest, dark, ball.center, ball.radius, light))
 
     def seen_lit(self, lit: Illumination, is_lit: NDArray[np.bool_]) -> Illumination:
-        """The same without lamps that light nothing in a view. `is_lit`: of each lamp, see `lights_view`."""
+        """An illumination without lamps that light nothing in a view.
+
+        `is_lit`: whether each lamp lights something there, see `lights_view`.
+        """
         if not lit.beams and not lit.lamps:
             return lit
         slots = [*range(self.n_beam), *range(BEAMS, BEAMS + len(self.lamps) - self.n_beam)]
-        seen = {slot for slot, is_one in zip(slots, is_lit.tolist(), strict=True) if is_one}
+        seen = {slot for slot, is_seen in zip(slots, is_lit.tolist(), strict=True) if is_seen}
         beams, lamps = ([slot for slot in own if slot in seen] for own in (lit.beams, lit.lamps))
         return lit._replace(beams=filled(beams, BEAM_COUNTS, NO_BEAM), lamps=filled(lamps, LAMP_COUNTS, NO_LAMP))
 
@@ -259,22 +262,22 @@ class DrawList:
     def _reached(
         self, low: Floats, high: Floats, casters: Floats, lamps: np.ndarray, n_beam: int
     ) -> list[Illumination]:
-        """For each box: what reaches it. `low`, `high`: its corners, shape (n, 3)."""
+        """What reaches each box; `low`, `high`: its corners [m], shape (n, 3)."""
         n = len(low)
         away, limit = shadow_distances(low, high, casters, self._shadows.drift)
         shaded = away < limit
         shaded[: len(self._is_ground)] &= ~self._is_ground[:, None]  # see shaders/ground_shade.frag
         lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
-        found = [UNREACHED] * n
+        reached = [UNREACHED] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
             nearest = best(shaded[i], -away[i], self._quality.casters)
             small = best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
-            found[i] = Illumination(
+            reached[i] = Illumination(
                 filled(nearest, CASTER_COUNTS, NO_CASTER),
                 filled(np.nonzero(lights[i, :n_beam])[0].tolist(), BEAM_COUNTS, NO_BEAM),
                 filled([slot + BEAMS for slot in small], LAMP_COUNTS, NO_LAMP),
             )
-        return found
+        return reached
 
 
 def shadow_distances(low: Floats, high: Floats, casters: Floats, drift: Floats) -> tuple[Floats, float]:
@@ -311,7 +314,7 @@ def _padded(poses: Floats) -> bytes:
 
 
 def _distances(places: Floats, cameras: Floats) -> Floats:
-    """From each place to the nearest camera [m]."""
+    """Distance from each place to the nearest camera [m]."""
     return np.linalg.norm(places[:, None] - cameras[None], axis=2).min(1)
 
 

@@ -23,11 +23,14 @@ class GpuMesh:
             self._vertices = context.buffer(own.vertices.tobytes())
             self._indices = context.buffer(own.indices.tobytes())
         self.radius = max((float(np.linalg.norm(r.center)) + r.radius for r in own.ranges), default=0.0)
-        """Of a sphere around the origin of the asset that contains it [m]."""
+        """Radius of a sphere around the origin of the asset that contains it [m]."""
         self._arrays: dict[int, moderngl.VertexArray] = {}
 
     def with_indices(self, indices: moderngl.Buffer) -> GpuMesh:
-        """The same vertices with other triangles: uint32 in a buffer that the caller fills. `geometry` is unchanged."""
+        """A mesh of the same vertices with other triangles: uint32 in a buffer that the caller fills.
+
+        `geometry` is unchanged.
+        """
         other = copy(self)
         other._indices, other._arrays = indices, {}
         return other

@@ -24,7 +24,7 @@ class GroundShadows:
         self._array = context.vertex_array(program, [(self._buffer, "2f", "place")])
         self._shades: tuple[BaseGeometry, ...] = ()
         self._corners = np.zeros((0, 3, 2))
-        """Of the triangles [m]."""
+        """Corners of the triangles [m], shape (n, 3, 2)."""
         self._middles, self._radii = np.zeros((0, 3)), np.zeros(0)
 
     def draw(self, shades: tuple[BaseGeometry, ...], clip: Floats) -> None:

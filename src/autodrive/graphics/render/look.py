@@ -38,8 +38,8 @@ class Air(NamedTuple):
     @property
     def effects(self) -> tuple[str, ...]:
         """What surfaces show of it, as flags of the shaders; see `LEAST_EXTINCTION`."""
-        found = {"AIR": self.extinction > LEAST_EXTINCTION, "WET": self.wetness > 0.0, "SNOW": self.snow_cover > 0.0}
-        return tuple(flag for flag, is_set in found.items() if is_set)
+        effects = {"AIR": self.extinction > LEAST_EXTINCTION, "WET": self.wetness > 0.0, "SNOW": self.snow_cover > 0.0}
+        return tuple(flag for flag, is_set in effects.items() if is_set)
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,11 @@ class Daylight:
     sun_color: Vector
     """Irradiance of a surface that faces the sun."""
     zenith: Vector
-    """Irradiance by a sky of only this colour; likewise the next two."""
+    """Irradiance by a sky that has the colour of the zenith everywhere."""
     horizon: Vector
+    """Irradiance by a sky that has the colour of the horizon everywhere."""
     floor_glow: Vector
-    """Light reflected from below."""
+    """Light reflected from below, as irradiance."""
     exposure: float
     """Factor for all reflected light."""
     glow: float
@@ -164,7 +165,7 @@ def _look_at_minute(minute: int) -> Daylight:
 
 
 def _dawn(elevation: float) -> Vector:
-    elevations, colors = [one for one, _ in DAWN], np.array([color for _, color in DAWN])
+    elevations, colors = [elevation for elevation, _ in DAWN], np.array([color for _, color in DAWN])
     red, green, blue = (float(np.interp(elevation, elevations, channel)) for channel in colors.T)
     return red, green, blue
 
@@ -174,7 +175,7 @@ class Beam:
     """The light cone of a lamp: brightest within the inner angle, dark outside the outer one."""
 
     intensity: float
-    """On its axis [cd], at the scale of the vehicle."""
+    """Intensity on the axis of the beam [cd], at the scale of the vehicle."""
     inner: float
     """Half angle [rad]."""
     outer: float
@@ -194,7 +195,7 @@ BEAMS = {
     "tail": Beam(0.014, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
     "reverse": Beam(0.06, 20 * DEGREE, 60 * DEGREE, 15 * DEGREE, False),
 }
-"""By the lamp names of `LightsSpec`."""
+"""Beams by the lamp names of `LightsSpec`."""
 
 
 def air_of(weather: Weather) -> Air:
@@ -206,7 +207,7 @@ def air_of(weather: Weather) -> Air:
 
 @lru_cache(maxsize=64)
 def in_air(look: Daylight, air: Air) -> Daylight:
-    """That light in that weather: clouds take most of the sun, which fades shadows, and make the sky grey.
+    """The light in that weather: clouds take most of the sun, which fades shadows, and make the sky grey.
 
     A camera exposes snow for a shorter time.
     """
@@ -214,7 +215,7 @@ def in_air(look: Daylight, air: Air) -> Daylight:
 
     def grey(colour: Vector, factor: float) -> Vector:
         mean = factor * (0.3 * colour[0] + 0.5 * colour[1] + 0.2 * colour[2])
-        red, green, blue = (one + c * (mean - one) for one in colour)
+        red, green, blue = (part + c * (mean - part) for part in colour)
         return red, green, blue
 
     red, green, blue = look.sun_color
@@ -234,7 +235,7 @@ def in_air(look: Daylight, air: Air) -> Daylight:
 
 
 def light_table() -> dict[str, Any]:
-    """All of these as plain data; 'minutes': the look at every tenth minute of a day."""
+    """The tables of light of this module as plain data; 'minutes': the look at every tenth minute of a day."""
     return {
         "day": _plain(DAY),
         "night": _plain(NIGHT),

@@ -26,7 +26,7 @@ class Parts(NamedTuple):
     """Number of its range, shape (n,)."""
     bone: NDArray[np.intp]
     center: Floats
-    """Of a bounding sphere in the axes of the bone, shape (n, 3) [m]."""
+    """Centre of a bounding sphere in the axes of the bone [m], shape (n, 3)."""
     radius: Floats
     """Shape (n,) [m]."""
 
@@ -47,7 +47,7 @@ class Parts(NamedTuple):
         bone: NDArray[np.float32] | NDArray[np.intp],
         size: float,
     ) -> Parts:
-        """The same for n triangles with these corners, shape (n, 3, 3) [m], and the range and bone of each."""
+        """Parts of n triangles with these corners, shape (n, 3, 3) [m], and the range and bone of each."""
         keys, part = np.unique(
             np.column_stack([number, bone, np.floor(corners.mean(1) / size)]), axis=0, return_inverse=True
         )

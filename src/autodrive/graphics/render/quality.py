@@ -17,7 +17,7 @@ class Quality:
     """One quality profile; see `PROFILES`."""
 
     detail: Detail
-    """Of vehicles and solid objects."""
+    """Level of detail of vehicles and solid objects."""
     antialiasing: Antialiasing
     still_map: int
     """Width of the shadow map of static meshes and objects [pixels]; redrawn only when an object has moved."""
@@ -44,7 +44,8 @@ PROFILES = {
     "small": Quality("reduced", "none", 2048, 512, 2, 256, 1, 4, 1, 1.0),
     "gpu": Quality("full", "msaa", 4096, 2048, 4, 1024, 4, 8, 9, 8.0),
 }
-"""By name. 'auto' is 'software-fxaa' for a software renderer, else 'gpu'; 'small' is for images of about 100 pixels."""
+"""Profiles by name. 'auto' is 'software-fxaa' for a software renderer, else 'gpu'; 'small' is for images of about 100
+pixels."""
 NAMES = ("auto", *PROFILES)
 
 

@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 STREAKS, FLAKES, DROPS = 260, 500, 14
 """Rain streaks, snow flakes, and drops on the lens, in an image of the heaviest rain and snow."""
 BEAM_FOG_CELLS = 24 * 18
-"""As `CELLS` in shaders/beam_fog.vert."""
+"""Cells of the beams in fog, `CELLS` in shaders/beam_fog.vert."""
 STARRY = 0.125
-"""There are stars if the zenith (its green part) is darker."""
+"""Brightness of the zenith (its green part) below which there are stars."""
 COARSE_WIDTH = 400
 """The sky of wider images is drawn with fewer pixels [pixels]; see `Quality.sky_step`."""
 PART_SIZE = 0.06
-"""Of the parts of a vehicle [m]."""
+"""Size of the parts of a vehicle [m]."""
 
 UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3, "behind": 4}
 """Texture unit of each sampler."""
@@ -109,7 +109,7 @@ class Renderer:
         self._objects = [model(asset, detail) for asset in scene.objects]
         lenses = [model(asset, detail) for asset in lit]
         self._lenses = frozenset(lenses)
-        """Of traffic lights, lit; depth and labels show the dark ones, which are in the static mesh."""
+        """Lenses of traffic lights, lit; depth and labels show the dark ones, which are in the static mesh."""
         self._shadows = Shadows(
             context,
             self.quality,
@@ -124,14 +124,14 @@ class Renderer:
         ranges = self._static.geometry.ranges
         looks = sorted({(r.kind in LEVEL, r.kind, r.textures) for r in ranges})
         self._looks = np.array([looks.index((r.kind in LEVEL, r.kind, r.textures)) for r in ranges], np.intp)
-        """For each range of the static mesh; level ground has the highest numbers."""
+        """Number of the look of each range of the static mesh; level ground has the highest numbers."""
         self._parts = {id(mesh): Parts.of(mesh.geometry, PART_SIZE) for mesh in self._vehicles}
         self._parts[id(self._static)] = Parts.of(self._static.geometry, math.inf)
-        """Of each mesh that is drawn in parts, by its id."""
+        """Parts of each mesh that is drawn in parts, by its id."""
         size = sum(mesh.geometry.indices.nbytes for mesh in (self._static, *self._vehicles))
         self._view_indices = context.buffer(reserve=max(size, 4), dynamic=True)
         self._meshes = {id(mesh): mesh.with_indices(self._view_indices) for mesh in (self._static, *self._vehicles)}
-        """The same meshes, with the triangles that a view draws."""
+        """Meshes with the triangles that a view draws, by the id of the mesh with all triangles."""
         self._chosen: list[NDArray[np.uint32]] = []
         """Indices of those triangles."""
         self._frame = context.buffer(reserve=FRAME.itemsize)
@@ -217,12 +217,12 @@ class Renderer:
     # -- a view -----------------------------------------------------------------------------------------------------
 
     def _new_target(self, number: int, width: int, height: int) -> RenderTarget:
-        """For the view with that number: each has its own."""
+        """Make the target of the view with that number: each has its own."""
         del number
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
     def _new_behind(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        """Likewise: an image of strips and shade on the ground; after its rows those of a coarse image of the sky."""
+        """Make an image of strips and shade on the ground; after its rows are those of a coarse image of the sky."""
         del number
         texture = self._context.texture((width, height + self._sky_size(height)), 4)  # llvmpipe reads others slowly
         texture.repeat_x = texture.repeat_y = False
@@ -434,8 +434,8 @@ class Renderer:
             places = np.swapaxes(np.frombuffer(bones, np.float32).reshape(-1, 4, 4), -1, -2).astype(np.float64)
             numbers = parts.in_sight(clip, places)
             own_range = parts.range[numbers]
-            for one, first, count in self._choose(parts, numbers, own_range):
-                r = ranges[own_range[one]]
+            for k, first, count in self._choose(parts, numbers, own_range):
+                r = ranges[own_range[k]]
                 yield self._meshes[id(mesh)], (first, count, r.kind, r.textures), bones, glow, lit
 
     def _seen_ranges(self, clip: Floats, seen_lit: SeenLit) -> Iterator[DrawCall]:
@@ -444,11 +444,11 @@ class Renderer:
         numbers = parts.in_sight(clip)
         own_range = parts.range[numbers]
         lit = [seen_lit(self._draw_list.static_lit[i]) for i in own_range.tolist()]
-        groups = {one: k for k, one in enumerate(dict.fromkeys(lit))}
-        looks = self._looks[own_range] * len(groups) + np.array([groups[one] for one in lit], np.intp)
-        for one, first, count in self._choose(parts, numbers, looks):
-            r = ranges[own_range[one]]
-            yield self._meshes[id(self._static)], (first, count, r.kind, r.textures), None, None, lit[one]
+        groups = {illumination: k for k, illumination in enumerate(dict.fromkeys(lit))}
+        looks = self._looks[own_range] * len(groups) + np.array([groups[illumination] for illumination in lit], np.intp)
+        for i, first, count in self._choose(parts, numbers, looks):
+            r = ranges[own_range[i]]
+            yield self._meshes[id(self._static)], (first, count, r.kind, r.textures), None, None, lit[i]
 
     def _choose(
         self, parts: Parts, numbers: NDArray[np.intp], keys: NDArray[np.intp]

@@ -43,7 +43,7 @@ class RenderScene:
     vehicles: Sequence[Asset]
     objects: Sequence[Asset]
     lights: Sequence[LightsSpec]
-    """Of each vehicle."""
+    """Lights of each vehicle."""
 
 
 LENS_GAP = 0.001
@@ -167,7 +167,7 @@ GROUND = 1e-3
 """Level surfaces that are nearer to z = 0 are ground [m]."""
 
 
-class Range(NamedTuple):
+class MeshRange(NamedTuple):
     """Triangles that are drawn together: `length` indices from `first`."""
 
     first: int
@@ -177,7 +177,7 @@ class Range(NamedTuple):
     """Name of the texture array; none if empty."""
     center: Floats
     radius: float
-    """Of a bounding sphere [m]."""
+    """Radius of a bounding sphere [m]."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class Geometry:
     vertices: NDArray[np.void]
     """dtype `VERTEX`."""
     indices: NDArray[np.uint32]
-    ranges: tuple[Range, ...]
+    ranges: tuple[MeshRange, ...]
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats]:
@@ -212,14 +212,14 @@ def geometry(
     """
     vertices: list[NDArray[np.void]] = []
     indices: list[NDArray[np.uint32]] = []
-    ranges: list[Range] = []
+    ranges: list[MeshRange] = []
     n_vertex = n_index = 0
     for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
         groups: dict[tuple[Kind, str], list[tuple[MeshSurface, AssetNode]]] = {}
         pairs = [(surface, node) for node in nodes for surface in node.surfaces.get(detail, ())]
-        found = [_material(surface).texture for surface, _ in pairs]
-        textured = next((layers[name][0] for name in found if name), "")
-        for (surface, node), name in zip(pairs, found, strict=True):
+        texture_names = [_material(surface).texture for surface, _ in pairs]
+        textured = next((layers[name][0] for name in texture_names if name), "")
+        for (surface, node), name in zip(pairs, texture_names, strict=True):
             own = layers[name][0] if name else textured
             kind = _kind(surface, skeleton.place_of[node.name])
             kind = "matt" if kind in LEVEL and is_whole else kind  # what moves is not level ground
@@ -233,7 +233,7 @@ def geometry(
             points = np.concatenate([part["position"] for part in parts])
             center = 0.5 * (points.min(0) + points.max(0)).astype(np.float64)
             radius = float(np.linalg.norm(points - center, axis=1).max())
-            ranges.append(Range(n_index, len(own_indices), kind, array, center, radius))
+            ranges.append(MeshRange(n_index, len(own_indices), kind, array, center, radius))
             vertices += parts
             indices.append(own_indices.astype(np.uint32))
             n_vertex, n_index = n_vertex + len(points), n_index + len(own_indices)

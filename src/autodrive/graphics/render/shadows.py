@@ -34,7 +34,7 @@ BONES = 24
 """Maximum number of bones of a vehicle."""
 
 FINE = 0.006
-"""If the texels of the static shadow map would be larger, it covers only what is near the cameras [m]."""
+"""Largest texels [m] of a static shadow map of the whole map; else it covers only what is near the cameras."""
 NEAR, NEAR_STEP = 4.0, 2.0
 """How far around the middle of a view it reaches then, for a camera on the ground, and the step of its place [m]."""
 DIM = 0.1
@@ -43,7 +43,7 @@ SKIN = 1.2
 """Surfaces are moved so far towards the sun, against shadow acne: texels of the coarsest map."""
 
 CLIP_TO_MAP = np.array([[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]])
-"""From [-1, 1] to [0, 1]."""
+"""Map coordinates, [0, 1], from clip space, [-1, 1]."""
 
 
 def columns(matrix: Floats) -> bytes:
@@ -83,12 +83,12 @@ class Shadows:
         extent = np.ptp(static.geometry.vertices["position"][:, :2], axis=0) if len(static.geometry.vertices) else 0.0
         self._is_large = bool(np.linalg.norm(extent) > FINE * quality.still_map)
         self._object_points: list[Floats] = []
+        """Vertices of each object in the static shadow map, in map axes."""
         self.shades: tuple[BaseGeometry, ...] = ()
         """Areas of the ground in the shadow of static meshes and of objects; a new tuple whenever they change."""
         self._static_shade: BaseGeometry = shapely.GeometryCollection()
         self._shade_margin = 0.0
-        """By which they are too large [m]."""
-        """Vertices of each object in the static shadow map, in map axes."""
+        """Margin by which `shades` are too large [m]."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
         """Coordinates in the static shadow map, from 0 to 1: sun axes * scale + offset."""
         extent = max([0.05, *(1.05 * model.radius for model in vehicles)])

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from autodrive.physics.sensors.camera_view import View
 
 STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("shape", "f4", 4)])
-"""As in shaders/strokes.vert. In the fourth place of the shape of a character is its code point."""
+"""A stroke, see shaders/strokes.vert. The fourth number of the shape of a character is its code point."""
 POINT, LINE, CHARACTER = 0, 1, 2
 COLUMNS, ROWS, WIDTH, HEIGHT = 32, 16, 32, 64
-"""Of the image with the characters, and of one [pixels]."""
+"""Columns and rows of the image with the characters, and size of a character [pixels]."""
 OUTLINE = 8
-"""Of each character, against a bright ground [pixels]."""
+"""Width of the outline of each character, against a bright ground [pixels]."""
 LEAST = 12.0
 """Texts that are drawn over everything have at least this height [pixels]."""
 NO_CHARACTER = "□"
-"""In the place of characters for which the image has no room."""
+"""Character that is shown in place of those for which the image has no room."""
 
 
 class Strokes(NamedTuple):
@@ -61,7 +61,7 @@ def letters(text: str, at: Floats, tint: Sequence[float], size: float) -> NDArra
 
 
 def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating], pixel: float) -> NDArray[np.void]:
-    """The same with each text moved up in the image until it covers none below it.
+    """Strokes of which each text is moved up in the image until it covers none below it.
 
     `seen_from_map`: to the axes of the camera, y up and z backward; `pixel`: size of a pixel at a distance of 1 m [m].
     `web/src/scene/strokes.ts` has the same rule.
@@ -80,7 +80,7 @@ def spread(strokes: NDArray[np.void], seen_from_map: NDArray[np.floating], pixel
         i += n
     for box, own in sorted(texts, key=lambda text: float(text[0][1])):
         low = box[1]
-        while hit := [one for one in placed if np.all(np.abs(one - box)[:2] < (one + box)[2:] - 1e-9)]:
+        while hit := [other for other in placed if np.all(np.abs(other - box)[:2] < (other + box)[2:] - 1e-9)]:
             box[1] = hit[0][1] + hit[0][3] + box[3]
         moved["end"][own, 1] = 0.5 * (box[1] - low) / box[3]
         placed.append(box)
@@ -137,7 +137,7 @@ class StrokePass:
         codes, places = np.unique(numbered["shape"][is_letter, 3], return_inverse=True)
         used = [chr(int(code)) for code in codes]
         self._add(set(used) - self._numbers.keys())
-        numbers = np.array([self._numbers.get(one, 0) for one in used], np.float32)
+        numbers = np.array([self._numbers.get(character, 0) for character in used], np.float32)
         numbered["shape"][is_letter, 3] = numbers[places]
         write(self._program, "least", np.float32(least).tobytes())
         self._image.use()

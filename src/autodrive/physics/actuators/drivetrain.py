@@ -45,7 +45,7 @@ class DifferentialsSpec(Spec):
 
     front: DifferentialSpec = DifferentialSpec()
     centre: DifferentialSpec = DifferentialSpec()
-    """Between the axles; locked: a rigid shaft."""
+    """Differential between the axles; locked: a rigid shaft."""
     rear: DifferentialSpec = DifferentialSpec()
 
 

@@ -16,7 +16,7 @@ class LampSpec(Spec):
     """A pair of equal lamps, left and right."""
 
     position: tuple[Offset, Offset, Offset]
-    """Of the left lamp, in the vehicle frame [m]; the right lamp is its mirror image."""
+    """Position of the left lamp in the vehicle frame [m]; the right lamp is its mirror image."""
     color: tuple[Level, Level, Level]
     """Linear RGB, each in [0, 1]."""
     range: float = Field(ge=1e-3, le=1e4)
@@ -27,9 +27,9 @@ class LightsSpec(Spec):
     """The lamps of a vehicle and the period of the indicators."""
 
     head: LampSpec
-    """On in low and high beam."""
+    """Headlights, which are on in low and high beam."""
     high_beam: LampSpec
-    """On in high beam only."""
+    """Additional lamps, which are on in high beam only."""
     front_indicator: LampSpec
     rear_indicator: LampSpec
     tail: LampSpec

@@ -29,7 +29,7 @@ OPTICAL: Quaternion = (0.5, -0.5, 0.5, -0.5)
 
 
 MAX_PIXELS = 2**24
-"""Of an image."""
+"""Most pixels of an image."""
 
 SensorEdge = Annotated[float, Field(ge=1e-5, le=1.0)]
 
@@ -89,7 +89,7 @@ class CameraSpec(SensorSpec):
 
     @property
     def noises(self) -> dict[NoisePreset, CameraImperfections]:
-        """None, those of its hardware, or with a multiple of its noise."""
+        """Presets of imperfections: none, those of the hardware of the camera, and those with stronger noise."""
         real = PRESETS[self.hardware]
         return {"ideal": CameraImperfections(), "realistic": real, "strong": real.scaled(STRONG)}
 
@@ -194,14 +194,14 @@ class ImageFormation:
     """Model of lens, shutter and sensor: converts ideal images to the image that the camera reports."""
 
     def __init__(self, spec: CameraSpec) -> None:
-        of = spec.imperfections
+        imperfections = spec.imperfections
         self.ideal, places = spec.intrinsics, None
         """Intrinsics of the ideal camera of the rendered images."""
-        if any(of.distortion):
+        if any(imperfections.distortion):
             self.ideal, places = ideal_pinhole(spec.intrinsics)
-        self.times, self._shares = shutter(of, spec.height)
-        self._shading = lens_shading(of, rays(spec.intrinsics))
-        self._noise = of.white_electrons, of.read_noise
+        self.times, self._shares = shutter(imperfections, spec.height)
+        self._shading = lens_shading(imperfections, rays(spec.intrinsics))
+        self._noise = imperfections.white_electrons, imperfections.read_noise
         self._exposure = Exposure(spec.intrinsics, places)
         self._nearest = None if places is None else np.round(places).astype(np.intp)
 

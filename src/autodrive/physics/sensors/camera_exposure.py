@@ -179,7 +179,7 @@ def _read(
     out: NDArray[np.uint8],
 ) -> None:
     steps = np.float32(len(value_of) - 1)
-    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    zero, full, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     index = 0
     for y in range(light.shape[0]):
         for x in range(light.shape[1]):
@@ -189,5 +189,5 @@ def _read(
                     deviation = np.sqrt(white * share + read_variance)
                     share += deviation * normals[indices[index]] / white
                     index += 1
-                out[y, x, c] = value_of[np.int64(min(max(share, zero), one) * steps + half)]
+                out[y, x, c] = value_of[np.int64(min(max(share, zero), full) * steps + half)]
             out[y, x, 3] = 255

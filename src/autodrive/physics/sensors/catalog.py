@@ -30,14 +30,21 @@ class SensorSuiteSpec(Spec):
 
 def _kinds() -> Iterator[tuple[str, type[Sampled]]]:
     for name, field in SensorSuiteSpec.model_fields.items():
-        of: Any = field.annotation
-        yield name, next(one for one in (*get_args(of), of) if isinstance(one, type) and issubclass(one, Sampled))
+        annotation: Any = field.annotation
+        yield (
+            name,
+            next(
+                type_
+                for type_ in (*get_args(annotation), annotation)
+                if isinstance(type_, type) and issubclass(type_, Sampled)
+            ),
+        )
 
 
 KINDS: dict[str, type[Sampled]] = dict(_kinds())
 """The Spec of each sensor by its name."""
 SENSORS = tuple(KINDS)
-"""In the order of all arrays with an axis of sensors."""
+"""Names of the sensors, in the order of all arrays with an axis of sensors."""
 NUMBERS = {name: s for s, name in enumerate(SENSORS)}
 """Place of each sensor in that axis."""
 ALWAYS_READ = frozenset(name for name, field in SensorSuiteSpec.model_fields.items() if field.default is not None)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined
 from autodrive.base.transforms import Quaternion, Vector
-from autodrive.physics.model import Shapes, Table
+from autodrive.physics.model import ShapeTable, Table
 from autodrive.physics.sensors.noise import corrupt
 from autodrive.physics.state import State
 
@@ -28,7 +28,7 @@ class NoiseColumns(NamedTuple):
     channels: Floats
     """sigma, offset, walk and step of each channel, shape (n, v, c, 4)."""
     bias: Floats
-    """Of each channel, shape (n, v, c)."""
+    """Bias of each channel, shape (n, v, c)."""
     lidar: Floats
     """sigma, relative_sigma, step, dropout, scale, the drawn factor of all ranges, and the figures of the weather (see
     `lidar_weather`; zeros: nothing), shape (n, v, 6 + figures)."""
@@ -38,9 +38,9 @@ class ReadingColumns(NamedTuple):
     """The latest readings of the sensors of n worlds with v vehicles."""
 
     time: Floats
-    """Of each reading [s]; not a number without such a sensor, shape (n, v, s)."""
+    """Time of each reading [s]; not a number without such a sensor, shape (n, v, s)."""
     values: Floats
-    """Of all sensors but the LIDAR, shape (n, v, m); not a number before the first reading."""
+    """Values of all sensors but the LIDAR, shape (n, v, m); not a number before the first reading."""
     encoder_ticks: Integers
     """Shape (n, v, 2)."""
     lidar_ranges: Floats
@@ -48,9 +48,10 @@ class ReadingColumns(NamedTuple):
     sweep: Integers
     """Number of the scan in progress of a rolling LIDAR, and its next ray, shape (n, v, 2)."""
     sweep_ranges: Floats
-    """Its inverse ranges [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR, shape (n, v, 0)."""
+    """Inverse ranges of the scan in progress [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR,  shape
+    (n, v, 0)."""
     sweep_hits: Integers
-    """Shapes that its rays hit in weather, likewise."""
+    """Shapes that the rays of the scan in progress hit in weather, with the shape of `sweep_ranges`."""
 
 
 class Motion(NamedTuple):
@@ -81,7 +82,7 @@ def motion_of(state: State) -> Motion:
     )
 
 
-class Poses(NamedTuple):
+class StatePoses(NamedTuple):
     """Poses of the vehicles and shapes of one world, as in its State."""
 
     position: Floats
@@ -97,8 +98,8 @@ class Poses(NamedTuple):
 class Working(NamedTuple):
     """Working memory of the sensors."""
 
-    before: Poses
-    """At the start of the tick; only with a rolling LIDAR."""
+    before: StatePoses
+    """Poses at the start of the tick; only with a rolling LIDAR."""
     near: Integers
     """Shapes near a sensor, shape (n_shape,)."""
     views: Floats
@@ -106,7 +107,7 @@ class Working(NamedTuple):
     inverse_range: Floats
     """[1/m], shape (most rays of a LIDAR,)."""
     hits: Integers
-    """Number of the shape that each ray hits, -1 for the ground; only in weather. Likewise."""
+    """Number of the shape that each ray hits, -1 for the ground, shape (most rays of a LIDAR,); only in weather."""
     values: Floats
     """Shape (9,)."""
 
@@ -128,7 +129,7 @@ class Memory(NamedTuple):
     """All that a sensor reads and writes."""
 
     motion: Motion
-    shapes: Shapes
+    shapes: ShapeTable
     noise: NoiseColumns
     readings: ReadingColumns
     working: Working
@@ -147,7 +148,7 @@ class Due(NamedTuple):
     now: int
     """[substeps]."""
     substeps: int
-    """Of a tick."""
+    """Length of a tick [substeps]."""
     time: float
     """[s]."""
     channel: int
@@ -158,7 +159,7 @@ class Due(NamedTuple):
 
 @inlined
 def mount_position(due: Due, row: Any) -> Vector:
-    """Of the sensor in the vehicle frame [m]."""
+    """Position of the sensor in the vehicle frame [m]."""
     p = row["position"][due.s]
     return p[0], p[1], p[2]
 
@@ -183,10 +184,10 @@ def add_noise(due: Due, memory: Memory, values: Floats) -> None:
         corrupt(values, channels, bias, noise.stream[due.k, due.i, due.s], elapsed)
 
 
-def working_memory(shapes: Shapes, v: int, rays: int) -> Working:
-    """For LIDARs of at most so many rays."""
+def working_memory(shapes: ShapeTable, v: int, rays: int) -> Working:
+    """Working memory for v vehicles and LIDARs of at most so many rays."""
     return Working(
-        before=Poses(
+        before=StatePoses(
             position=np.zeros((v, 3)),
             orientation=np.zeros((v, 4)),
             shape_position=shapes.position.copy(),

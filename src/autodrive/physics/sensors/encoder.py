@@ -57,10 +57,10 @@ class EncoderSpec(SensorSpec, Sampled):
         return self.pulses_per_revolution * self.gear_ratio / (2.0 * math.pi)
 
     def parameters(self, gravity: float) -> dict[str, Any]:
-        """See `Sampled`."""
+        """Values of this sensor's columns in `SensorTables.vehicles`, by name."""
         return {"ticks_per_radian": self.ticks_per_radian}
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """See `Sampled`."""
+        """The function that makes an `EncoderReading` from time and values, see `Sampled.reader`."""
         ticks, angles = readings.encoder_ticks[0, vehicle], slice(first, first + 2)
         return lambda time, values: EncoderReading(time, read_only_copy(ticks), values[angles])

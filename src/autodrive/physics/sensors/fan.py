@@ -16,7 +16,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import BOX, CYLINDER, Shapes
+from autodrive.physics.model import BOX, CYLINDER, ShapeTable
 from autodrive.physics.ray import inverse_distance
 from autodrive.physics.sensors.outline import (
     AROUND,
@@ -44,7 +44,7 @@ def cast_fan(
     angle_increment: float,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,
@@ -63,6 +63,7 @@ def cast_fan(
     First all outlines, then all rays: the processor computes several outlines at once, because they have no loops of
     unknown length in between.
     """
+    # The sensor in the map: its position p, and the columns x, y, z of its rotation. All rays are in its plane z = 0.
     lever = rotate(vehicle_orientation, mount_position)
     px = vehicle_position[0] + lever[0]
     py = vehicle_position[1] + lever[1]
@@ -73,16 +74,21 @@ def cast_fan(
     if pz <= 0.0:
         inverse_range[:] = math.inf  # the space below the floor is solid
         return
+    # A buffer of inverse ranges, of which each surface keeps the greatest, as a depth buffer does. The inverse range of
+    # a plane is linear in the cosine and sine of the bearing, so that outlines need no division for each ray.
     _draw_floor(cosines, sines, inverse_range, -x2 / pz, -y2 / pz)
     n = len(inverse_range)
     kind, size = shapes.kind, shapes.size
     first_cos, first_sin, last_cos, last_sin = cosines[0], sines[0], cosines[n - 1], sines[n - 1]
     fan_end = angle_increment * (n - 1) + 2.0 * BEARING_ERROR
     is_wide = angle_increment * (n - 1) >= math.pi
+    # Step 1, of each shape near the sensor: the bearings that it covers, and the figures of its outline.
     count = 0
     for k in range(shapes_near(shapes, px, py, range_max, near)):
         g = near[k]
         dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
+        # Leave out shapes whose sphere does not cut the plane of the rays, or is out of range. h: height of the centre
+        # above this plane; u, v: its place in the plane, forward and to the left.
         h = dx * z0 + dy * z1 + dz * z2
         radius = shapes.bounding_radius[g]
         reach = range_max + radius
@@ -102,6 +108,8 @@ def cast_fan(
         ex = (x0 * r0 + x1 * r3 + x2 * r6, x0 * r1 + x1 * r4 + x2 * r7, x0 * r2 + x1 * r5 + x2 * r8)
         ey = (y0 * r0 + y1 * r3 + y2 * r6, y0 * r1 + y1 * r4 + y2 * r7, y0 * r2 + y1 * r5 + y2 * r8)
         ez = (z0 * r0 + z1 * r3 + z2 * r6, z0 * r1 + z1 * r4 + z2 * r7, z0 * r2 + z1 * r5 + z2 * r8)
+        # The shape as seen from the sensor: not at all (HIDDEN), all around (the sensor is in it), an outline, or a
+        # cross-section that has no simple outline (PARTLY).
         s = (size[g, 0], size[g, 1], size[g, 2])
         circle = radius * radius - h * h
         if kind[g] == BOX:
@@ -117,10 +125,12 @@ def cast_fan(
             return
         if view == PARTLY:
             start, width = bearings_of_disc(u, v, math.sqrt(circle))
+        # Count bearings from the first ray, and begin in [-2 pi, 0), or a turn later if the shape then ends before it.
         start -= angle_min
         start -= TURN * (math.floor(start * (1.0 / TURN)) + 1.0)
         if start + width < -BEARING_ERROR:
             start += TURN
+        # Without an outline, cast each ray within the bearings of the sphere around the shape.
         if view == PARTLY:
             while start < fan_end:
                 lo, hi = _rays_between(start, start + width, rays_per_radian, n)
@@ -134,19 +144,20 @@ def cast_fan(
                     inverse_range[i] = max(inverse_range[i], w)
             continue
         near[count] = g
-        one = views[count]
-        one[0], one[1], one[2], one[3], one[4] = start, width, k0, k1, k2
-        one[5], one[6], one[7], one[8], one[9] = k3, k4, k5, k6, k7
+        outline = views[count]
+        outline[0], outline[1], outline[2], outline[3], outline[4] = start, width, k0, k1, k2
+        outline[5], outline[6], outline[7], outline[8], outline[9] = k3, k4, k5, k6, k7
         count += 1
+    # Step 2: draw the outlines into the rays between their bearings; one turn farther, too, if the fan reaches so far.
     for k in range(count):
-        one = views[k]
-        start, end = one[0], one[0] + one[1]
+        outline = views[k]
+        start, end = outline[0], outline[0] + outline[1]
         while start < fan_end:
             lo, hi = _rays_between(start, end, rays_per_radian, n)
             if kind[near[k]] == BOX:
-                _draw_box(cosines, sines, inverse_range, lo, hi, one)
+                _draw_box(cosines, sines, inverse_range, lo, hi, outline)
             else:
-                _draw_round(cosines, sines, inverse_range, lo, hi, one)
+                _draw_round(cosines, sines, inverse_range, lo, hi, outline)
             start, end = start + TURN, end + TURN
     if len(hits) > 0:
         _note_hits(cosines, sines, inverse_range, fan_end, rays_per_radian, kind, near, views[:count], hits)
@@ -166,17 +177,17 @@ def _note_hits(
 ) -> None:
     """Write the number of the shape to the rays whose inverse range is that of its outline, which has been drawn."""
     for k in range(len(views)):
-        one = views[k]
-        start, end = one[0], one[0] + one[1]
+        outline = views[k]
+        start, end = outline[0], outline[0] + outline[1]
         while start < fan_end:
             lo, hi = _rays_between(start, end, rays_per_radian, len(inverse_range))
             for i in range(lo, hi + 1):
                 cos, sin = cosines[i], sines[i]
                 if kind[near[k]] == BOX:
-                    w = min(one[6] * cos + one[7] * sin, one[8] * cos + one[9] * sin)
+                    w = min(outline[6] * cos + outline[7] * sin, outline[8] * cos + outline[9] * sin)
                 else:
-                    m, z = one[5] * cos + one[6] * sin, one[7] * cos + one[8] * sin
-                    w = one[2] * cos + one[3] * sin + math.sqrt(max(one[4] - m * m - z * z, 0.0))
+                    m, z = outline[5] * cos + outline[6] * sin, outline[7] * cos + outline[8] * sin
+                    w = outline[2] * cos + outline[3] * sin + math.sqrt(max(outline[4] - m * m - z * z, 0.0))
                 if abs(w - inverse_range[i]) <= 1e-12 * w:
                     hits[i] = near[k]
             start, end = start + TURN, end + TURN

@@ -123,15 +123,15 @@ class ImuSpec(SensorSpec, Sampled):
         return {"ideal": ImuNoise(), "realistic": real, "strong": real.scaled(STRONG)}
 
     def parameters(self, gravity: float) -> dict[str, Any]:
-        """See `Sampled`."""
+        """Values of this sensor's columns in `SensorTables.vehicles`, by name."""
         return {"gravity": gravity if self.measures_specific_force else 0.0}
 
     def channel_noise(self) -> list[NoiseSpec]:
-        """See `Sampled`."""
-        return [one for _, noise in self.noise for one in [noise] * 3]
+        """Noise of each of its channels: the three axes of each quantity have the same one."""
+        return [axis_noise for _, noise in self.noise for axis_noise in [noise] * 3]
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """See `Sampled`."""
+        """The function that makes an `ImuReading` from time and values, see `Sampled.reader`."""
         parts = [slice(first + part.start, first + part.stop) for part in PARTS]
         motion_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*parts)
         return lambda time, values: ImuReading(time, *motion_of(values))

@@ -36,6 +36,6 @@ class IpsSpec(SensorSpec, Sampled):
     """Noise of each coordinate [m]."""
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """See `Sampled`."""
+        """The function that makes an `IpsReading` from time and values, see `Sampled.reader`."""
         position = slice(first, first + 3)
         return lambda time, values: IpsReading(time, values[position])

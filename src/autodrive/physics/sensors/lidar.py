@@ -223,11 +223,11 @@ class LidarSpec(NoisySpec, Sampled):
 
     @property
     def bearings(self) -> Floats:
-        """Of the rays [rad], shape (n_ray,)."""
+        """Bearings of the rays [rad], shape (n_ray,)."""
         return self.angle_min + self.angle_increment * np.arange(self.rays, dtype=np.float64)
 
     def parameters(self, gravity: float) -> dict[str, Any]:
-        """See `Sampled`."""
+        """Values of this sensor's columns in `SensorTables.vehicles`, by name."""
         return {
             "is_clockwise": self.angle_increment < 0.0,
             "is_rolling": self.is_rolling,
@@ -243,10 +243,16 @@ class LidarSpec(NoisySpec, Sampled):
         """Cosines and sines of the rays from right to left, then in the order of their index."""
         fan = self.bearings
         ordered = fan if (np.diff(fan) >= 0.0).all() else fan[::-1]
-        return np.array([[function(one) for one in of.tolist()] for of in (ordered, fan) for function in (cos, sin)])
+        return np.array(
+            [
+                [function(bearing) for bearing in bearings.tolist()]
+                for bearings in (ordered, fan)
+                for function in (cos, sin)
+            ]
+        )
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """See `Sampled`."""
+        """The function that makes a `LidarScan` from time and values, see `Sampled.reader`."""
         ranges, constants = readings.lidar_ranges[0, vehicle, : self.rays], scan_constants(self)
         return lambda time, values: LidarScan(time, read_only_copy(ranges), *constants)
 

@@ -42,7 +42,7 @@ class Ranging(Protocol):
 
     @property
     def rated_reflectivity(self) -> float:
-        """See `weather.detection_range`."""
+        """Reflectivity at which the LIDAR sees as far as `range_max`, see `weather.detection_range`."""
         ...
 
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.errors import SensorError, SnapshotError
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.rays import cast_rays
 from autodrive.physics.sensors.sensor import Schedule, random_generator
 from autodrive.physics.state import State, VehicleView
@@ -74,7 +74,7 @@ class SensorView(VehicleView):
     time: float
     """Simulated time [s]."""
 
-    def __init__(self, state: State, index: int, time: float, shapes: Shapes, bodies: Mapping[str, int]) -> None:
+    def __init__(self, state: State, index: int, time: float, shapes: ShapeTable, bodies: Mapping[str, int]) -> None:
         """`bodies`: vehicles and movable objects, name -> index of the pose in `State.qpos`."""
         super().__init__(state, index)
         self.time = time
@@ -125,26 +125,26 @@ def problem(name: object, sensor: Any, known: Sequence[str] = ()) -> str:
 
 
 def _problems(name: object, sensor: Any, known: Sequence[str]) -> Iterator[str]:
-    """The first one counts: each check relies on those before it."""
+    """What is wrong with a sensor of the user. The first text counts: each check relies on those before it."""
     if not isinstance(name, str) or not name.isidentifier() or len(name) > MAX_NAME:
         yield f"the name of a sensor is letters, digits and '_', such as radar, not {reprlib.repr(name)}"
     if name in known:
         yield f"the vehicle has a sensor '{name}' already; choose another name"
-    if isinstance(sensor, type) or not all(hasattr(sensor, one) for one in ("rate", "columns", "sample")):
-        what = f"the class {sensor.__name__}" if isinstance(sensor, type) else type(sensor).__name__
-        yield f"a sensor is an object with `rate`, `columns` and the function `sample(view, random)`, not {what}"
+    if isinstance(sensor, type) or not all(hasattr(sensor, attribute) for attribute in ("rate", "columns", "sample")):
+        description = f"the class {sensor.__name__}" if isinstance(sensor, type) else type(sensor).__name__
+        yield f"a sensor is an object with `rate`, `columns` and the function `sample(view, random)`, not {description}"
     rate, columns = sensor.rate, sensor.columns
     is_number = isinstance(rate, int | float) and not isinstance(rate, bool)
     if rate is not None and not (is_number and RATES[0] <= rate <= RATES[1]):
         yield f"`rate` must be a number from {RATES[0]:g} to {RATES[1]:g} Hz, or None, not {reprlib.repr(rate)}"
     if isinstance(columns, str) or not isinstance(columns, Sequence) or not 0 < len(columns) <= MAX_COLUMNS:
         yield f"`columns` must be 1 to {MAX_COLUMNS} names, such as ('distance [m]', 'speed [m/s]')"
-    for one in columns:
-        if not isinstance(one, str) or not one.strip() or len(one) > MAX_NAME:
-            yield f"a name in `columns` is a text of 1 to {MAX_NAME} characters, not {reprlib.repr(one)}"
-    for one, count in Counter(columns).items():
+    for column in columns:
+        if not isinstance(column, str) or not column.strip() or len(column) > MAX_NAME:
+            yield f"a name in `columns` is a text of 1 to {MAX_NAME} characters, not {reprlib.repr(column)}"
+    for column, count in Counter(columns).items():
         if count > 1:
-            yield f"`columns` has the name '{one}' twice"
+            yield f"`columns` has the name '{column}' twice"
 
 
 @dataclass
@@ -162,11 +162,11 @@ class _Placed:
     random: np.random.Generator
     latest: OwnReading | None = None
     durations: list[float] = field(default_factory=list)
-    """Of the last samples [s of wall time]; see `OwnSensors.clock`."""
+    """Durations of the last samples [s of wall time]; see `OwnSensors.clock`."""
 
     @property
     def title(self) -> str:
-        """For messages."""
+        """The sensor and its vehicle, for messages."""
         return f"sensor '{self.name}' of vehicle '{self.vehicle}'"
 
 
@@ -177,7 +177,7 @@ class OwnSensors:
         self,
         vehicles: Mapping[str, Sequence[str]],
         bodies: Mapping[str, int],
-        shapes: Shapes,
+        shapes: ShapeTable,
         state: State,
         *,
         substep: Fraction,
@@ -185,7 +185,7 @@ class OwnSensors:
     ) -> None:
         """`vehicles`: names of the other sensors of each. `bodies`: see `SensorView`. The others: see `SensorSuite`."""
         self.placed: list[_Placed] = []
-        """In the order in which they were added."""
+        """The sensors in the order in which they were added."""
         self.clock: Callable[[], float] | None = None
         """Wall time [s]: if there is one, a slow sensor is logged once."""
         self._vehicles = vehicles
@@ -195,15 +195,15 @@ class OwnSensors:
         self._reported: set[tuple[str, str]] = set()
 
     def names(self, vehicle: str) -> list[str]:
-        """Of all sensors of a vehicle."""
-        return [*self._vehicles[vehicle], *(one.name for one in self.placed if one.vehicle == vehicle)]
+        """Names of all sensors of a vehicle."""
+        return [*self._vehicles[vehicle], *(sensor.name for sensor in self.placed if sensor.vehicle == vehicle)]
 
     def add(self, vehicle: str, name: str, sensor: Any, seed: int = 0, now: int | None = None) -> None:
         """Add a sensor that has no `problem`, and sample it `now` [substeps]; None: at the reset that follows.
 
         Raises `SensorError`; then nothing has changed.
         """
-        one = _Placed(
+        placed = _Placed(
             vehicle=vehicle,
             index=self._indices[vehicle],
             name=name,
@@ -213,47 +213,54 @@ class OwnSensors:
             start={},
             random=random_generator(seed, vehicle, name),
         )
-        one.start = _attributes(one)
+        placed.start = _attributes(placed)
         if now is not None:
-            self._take(one, now)
-        self.placed.append(one)
+            self._take(placed, now)
+        self.placed.append(placed)
 
     def reset(self, seed: int) -> None:
         """Start all sensors again; `sample` follows."""
-        for one in self.placed:
-            _set_attributes(one, one.start)
-            one.random = random_generator(seed, one.vehicle, one.name)
-            one.latest = None
+        for sensor in self.placed:
+            _set_attributes(sensor, sensor.start)
+            sensor.random = random_generator(seed, sensor.vehicle, sensor.name)
+            sensor.latest = None
 
     def sample(self, now: int) -> None:
         """Sample the sensors that are due at `now` [substeps], at 0 and after each tick. Raises `SensorError`."""
         before = now - self._substeps if now > 0 else None
-        for one in self.placed:
-            if one.latest is None or one.schedule is None or one.schedule.is_due(now, before):
-                self._take(one, now)
+        for sensor in self.placed:
+            if sensor.latest is None or sensor.schedule is None or sensor.schedule.is_due(now, before):
+                self._take(sensor, now)
 
     def readings(self, index: int) -> dict[str, OwnReading]:
         """The latest reading of each sensor of a vehicle, by name."""
-        return {one.name: one.latest for one in self.placed if one.index == index and one.latest is not None}
+        return {
+            sensor.name: sensor.latest for sensor in self.placed if sensor.index == index and sensor.latest is not None
+        }
 
     def continue_from(self, before: OwnSensors) -> None:
         """Take over the sensors of another world of the same vehicles, as they are; others of that name end."""
-        kept = {(one.vehicle, one.name) for one in before.placed}
-        own = [one for one in self.placed if (one.vehicle, one.name) not in kept]
+        kept = {(sensor.vehicle, sensor.name) for sensor in before.placed}
+        own = [sensor for sensor in self.placed if (sensor.vehicle, sensor.name) not in kept]
         self.placed = [*before.placed, *own]
         self.clock = before.clock
 
     def save(self) -> Any:
         """The complete state, for `restore`."""
         return {
-            (one.vehicle, one.name): (one.columns, one.latest, one.random.bit_generator.state, _attributes(one))
-            for one in self.placed
+            (sensor.vehicle, sensor.name): (
+                sensor.columns,
+                sensor.latest,
+                sensor.random.bit_generator.state,
+                _attributes(sensor),
+            )
+            for sensor in self.placed
         }
 
     def check(self, saved: Any) -> None:
         """Raises `SnapshotError` unless a world with the same sensors has `saved` it."""
         kept = {key: columns for key, (columns, *_) in saved.items()}
-        here = {(one.vehicle, one.name): one.columns for one in self.placed}
+        here = {(sensor.vehicle, sensor.name): sensor.columns for sensor in self.placed}
         for vehicle, name in sorted({key for key in kept.keys() | here.keys() if kept.get(key) != here.get(key)}):
             raise SnapshotError(
                 f"sensor '{name}' of vehicle '{vehicle}' is not the same in the snapshot and in this world: "
@@ -262,72 +269,72 @@ class OwnSensors:
 
     def restore(self, saved: Any) -> None:
         """Set the state that `save` returned."""
-        for one in self.placed:
-            _, one.latest, random, attributes = saved[one.vehicle, one.name]
-            one.random.bit_generator.state = random
-            _set_attributes(one, attributes)
+        for sensor in self.placed:
+            _, sensor.latest, random, attributes = saved[sensor.vehicle, sensor.name]
+            sensor.random.bit_generator.state = random
+            _set_attributes(sensor, attributes)
 
-    def _take(self, one: _Placed, now: int) -> None:
+    def _take(self, placed: _Placed, now: int) -> None:
         """Take a sample."""
         bodies, shapes, state = self._view
         time = now * self._substep.numerator / self._substep.denominator
-        view = SensorView(state, one.index, time, shapes, bodies)
+        view = SensorView(state, placed.index, time, shapes, bodies)
         began = self.clock() if self.clock else 0.0
         try:
-            given = one.sensor.sample(view, one.random)
+            values = placed.sensor.sample(view, placed.random)
         except Exception as error:
-            raise SensorError(f"{one.title} raised {type(error).__name__}: {error}{_place(error)}") from error
-        if self.clock and (one.vehicle, one.name) not in self._reported:
-            self._watch(one, self.clock() - began)
-        one.latest = OwnReading(time, _checked(one, given), one.columns)
+            raise SensorError(f"{placed.title} raised {type(error).__name__}: {error}{_place(error)}") from error
+        if self.clock and (placed.vehicle, placed.name) not in self._reported:
+            self._watch(placed, self.clock() - began)
+        placed.latest = OwnReading(time, _checked(placed, values), placed.columns)
 
-    def _watch(self, one: _Placed, duration: float) -> None:
+    def _watch(self, placed: _Placed, duration: float) -> None:
         """Log a sensor that is slow, once."""
-        one.durations.append(duration)
-        if len(one.durations) < TIMED:
+        placed.durations.append(duration)
+        if len(placed.durations) < TIMED:
             return
-        least, tick = min(one.durations), float(self._substep * self._substeps)
-        one.durations.clear()
+        least, tick = min(placed.durations), float(self._substep * self._substeps)
+        placed.durations.clear()
         if least > SLOW * tick:
-            self._reported.add((one.vehicle, one.name))
+            self._reported.add((placed.vehicle, placed.name))
             log.warning(
                 "%s takes %.3g ms per sample; a tick of %g ms may come late in real time: sample faster or at a lower "
                 "rate",
-                one.title,
+                placed.title,
                 1e3 * least,
                 1e3 * tick,
             )
 
 
-def _checked(one: _Placed, given: Any) -> Floats:
+def _checked(placed: _Placed, sample: Any) -> Floats:
     """The values of a sample, read-only, shape (n_column,). Raises `SensorError`."""
-    count = len(one.columns)
-    expected = f"`sample` must return {count} number{'s' if count > 1 else ''}, for {', '.join(one.columns[:10])}"
+    count = len(placed.columns)
+    expected = f"`sample` must return {count} number{'s' if count > 1 else ''}, for {', '.join(placed.columns[:10])}"
     try:
-        values = np.atleast_1d(np.asarray(given))  # one number will do for one column
+        values = np.atleast_1d(np.asarray(sample))  # one number will do for one column
     except ValueError:  # lists of different lengths
-        raise SensorError(f"{one.title} returned no array: {expected}") from None
+        raise SensorError(f"{placed.title} returned no array: {expected}") from None
     if values.dtype.kind not in "biuf":
-        raise SensorError(f"{one.title} returned {reprlib.repr(given)}, which is no array of numbers: {expected}")
+        raise SensorError(f"{placed.title} returned {reprlib.repr(sample)}, which is no array of numbers: {expected}")
     if values.shape != (count,):
-        raise SensorError(f"{one.title} returned an array of shape {values.shape}: {expected}")
+        raise SensorError(f"{placed.title} returned an array of shape {values.shape}: {expected}")
     return read_only_copy(values.astype(np.float64))
 
 
-def _attributes(one: _Placed) -> dict[str, Any]:
+def _attributes(placed: _Placed) -> dict[str, Any]:
     """A copy of the attributes of a sensor. Raises `SensorError`."""
     try:
-        return copy.deepcopy(getattr(one.sensor, "__dict__", {}))
+        return copy.deepcopy(getattr(placed.sensor, "__dict__", {}))
     except Exception as error:
         raise SensorError(
-            f"{one.title} cannot be reset and saved, because its attributes cannot be copied ({error}): keep what "
+            f"{placed.title} cannot be reset and saved, because its attributes cannot be copied ({error}): keep what "
             "never changes in the class or module, not in the object"
         ) from None
 
 
-def _set_attributes(one: _Placed, attributes: dict[str, Any]) -> None:
-    if hasattr(one.sensor, "__dict__"):
-        own = one.sensor.__dict__
+def _set_attributes(placed: _Placed, attributes: dict[str, Any]) -> None:
+    if hasattr(placed.sensor, "__dict__"):
+        own = placed.sensor.__dict__
         own.clear()
         own.update(copy.deepcopy(attributes))
 

@@ -41,7 +41,7 @@ MIDDLE = (
     2.05319162663775882187, 1.67638483018380384940, 0.689767334985100004550, 0.148103976427480074590,
     0.0151986665636164571966, 5.47593808499534494600e-4, 1.05075007164441684324e-9,
 )
-"""Likewise for those down to exp(-25)."""
+"""Coefficients of `_ratio` for probabilities of 0.075 down to exp(-25), and their complements."""
 
 TAIL = (
     6.65790464350110377720, 5.46378491116411436990, 1.78482653991729133580, 0.296560571828504891230,
@@ -49,7 +49,7 @@ TAIL = (
     0.599832206555887937690, 0.136929880922735805310, 0.0148753612908506148525, 7.86869131145613259100e-4,
     1.84631831751005468180e-5, 1.42151175831644588870e-7, 2.04426310338993978564e-15,
 )
-"""Likewise for those beyond."""
+"""Coefficients of `_ratio` for probabilities below exp(-25), and their complements."""
 # fmt: on
 
 Ratio = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float, float, float]

@@ -45,7 +45,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     nearest = math.inf  # as an inverse range [1/m]: inside a shape or the ground
     if start[2] > 0.0:
         nearest = 0.0
-        found = shapes_near(memory.shapes, start[0], start[1], range_max, near)
+        count = shapes_near(memory.shapes, start[0], start[1], range_max, near)
         for k in range(row["first"][due.s], row["last"][due.s]):
             ray = rotate(map_from_sensor, (rays[0, k], rays[1, k], rays[2, k]))
             if row["sees_ground"]:
@@ -61,7 +61,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
                     motion.shape_position,
                     motion.shape_rotation,
                     near,
-                    found,
+                    count,
                 ),
             )
     values[0] = math.inf if nearest == 0.0 else 1.0 / nearest
@@ -103,7 +103,7 @@ class RangeSpec(SensorSpec, Sampled):
         return self
 
     def parameters(self, gravity: float) -> dict[str, Any]:
-        """See `Sampled`."""
+        """Values of this sensor's columns in `SensorTables.vehicles`, by name."""
         return {"sees_ground": self.sees_ground, "range_min": self.range_min, "range_max": self.range_max}
 
     def ray_constants(self) -> Floats:
@@ -112,6 +112,6 @@ class RangeSpec(SensorSpec, Sampled):
         return np.vstack([rays.T, np.zeros(len(rays))])
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """See `Sampled`."""
+        """The function that makes a `RangeReading` from time and values, see `Sampled.reader`."""
         rest = math.radians(self.field_of_view_deg), self.range_min, self.range_max, self.radiation
         return lambda time, values: RangeReading(time, float(values[first]), *rest)

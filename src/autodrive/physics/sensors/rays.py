@@ -8,7 +8,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector, rotate
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.ray import inverse_distance, misses_sphere
 
 
@@ -20,7 +20,7 @@ def cast_rays(
     directions: Floats,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,
@@ -38,8 +38,8 @@ def cast_rays(
         if pz <= 0.0:
             ranges[i] = 0.0
             continue
-        found = shapes_near(shapes, px, py, range_max, near)
-        w = inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, found)
+        count = shapes_near(shapes, px, py, range_max, near)
+        w = inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, count)
         w = max(w, -ray[2] / pz)
         ranges[i] = 1.0 / w if w * range_max >= 1.0 else math.inf
 
@@ -50,17 +50,20 @@ def inverse_range(
     ray: Vector,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     shape_position: Floats,
     shape_rotation: Floats,
     near: Integers,
-    found: int,
+    count: int,
 ) -> float:
-    """Inverse range [1/m] of a ray to the `found` shapes `near` but those of its vehicle; 0: none, infinity: inside."""
+    """Inverse range [1/m] of a ray to the first `count` shapes in `near`; 0: none, infinity: inside one.
+
+    Shapes of `vehicle` are left out.
+    """
     px, py, pz = origin
     kind, size = shapes.kind, shapes.size
     nearest = 0.0
-    for k in range(found):
+    for k in range(count):
         g = near[k]
         if shapes.vehicle[g] == vehicle:
             continue

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from autodrive.base.jit import inlined, inlined_part, jit_uncounted
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.catalog import KINDS, NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import Due, Memory, Motion, NoiseColumns, ReadingColumns, SensorTables, Working
 from autodrive.physics.sensors.tables import ABSENT
@@ -48,7 +48,7 @@ def sample(
     now: int,
     substeps: int,
     motion: Motion,
-    shapes: Shapes,
+    shapes: ShapeTable,
     noise: NoiseColumns,
     readings: ReadingColumns,
     working: Working,

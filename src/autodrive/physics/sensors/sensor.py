@@ -76,7 +76,7 @@ class NoisySpec(Spec):
         return {"ideal": NoiseSpec(), "strong": NoiseSpec(sigma=self.STRONG)}
 
     def with_noise_factor(self, factor: float) -> Self:
-        """The same sensor with `factor` times the noise; resolutions stay."""
+        """A copy of the Spec with `factor` times the noise; resolutions stay."""
         if factor == 1.0:
             return self
         return self.model_copy(update={self.NOISE: getattr(self, self.NOISE).scaled(factor)})
@@ -101,7 +101,7 @@ class Sampled:
     NOISY_VALUES: ClassVar[int] = 0
     """Number of values that have the noise of a `NoiseSpec` of their own."""
     COLUMNS: ClassVar[Mapping[str, Any]] = {}
-    """Its own columns of `SensorTables.vehicles`, name -> type."""
+    """Columns of `SensorTables.vehicles` that only this sensor has, name -> type."""
     sample: ClassVar[Any]
     """Compiled function that writes a sample into its values, and adds its noise; see `sampling` for its arguments."""
 
@@ -118,7 +118,10 @@ class Sampled:
         return [self.noise] * self.NOISY_VALUES  # type: ignore[attr-defined]  # pyright: ignore
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
-        """Of a sensor of that vehicle in a single world, whose values begin at `first`."""
+        """The function that makes the messages of a sensor of that vehicle in a single world.
+
+        The values of the sensor begin at `first` in the vehicle's row of `ReadingColumns.values`.
+        """
         raise NotImplementedError
 
 

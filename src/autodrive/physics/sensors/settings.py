@@ -30,7 +30,7 @@ class ConfiguredSensor:
     """A sensor as it runs: the Spec of the vehicle's file with the settings of the scenario."""
 
     spec: Any
-    """Of a sensor (`catalog.SensorSuiteSpec`) or a camera."""
+    """Spec of a sensor (`catalog.SensorSuiteSpec`) or of a camera."""
     is_on: bool
     noise: NoisePreset
 
@@ -51,16 +51,16 @@ def configured_sensors(
     errors = [f"{name}: no such sensor. {suggest(name, list(specs))}" for name in settings if name not in specs]
     sensors: dict[str, ConfiguredSensor] = {}
     for name, spec in specs.items():
-        its = settings.get(name, SensorSettings())
+        chosen = settings.get(name, SensorSettings())
         presets = noise_presets(spec)
         usual: NoisePreset = "realistic" if is_realistic and "realistic" in presets else "file"
-        noise = its.noise or usual
+        noise = chosen.noise or usual
         if noise in presets:
             try:
-                configured = _configured(spec, its.rate, noise).with_noise_factor(noise_factor)
-                sensors[name] = ConfiguredSensor(configured, its.is_on, noise)
+                configured = _configured(spec, chosen.rate, noise).with_noise_factor(noise_factor)
+                sensors[name] = ConfiguredSensor(configured, chosen.is_on, noise)
             except SpecError as error:  # the lens of a realistic camera may not cover its image
-                errors += [f"{name}: with noise '{noise}', {one}" for one in error.errors]
+                errors += [f"{name}: with noise '{noise}', {problem}" for problem in error.errors]
         else:
             errors.append(f"{name}.noise: '{noise}' is not known for this sensor. {suggest(noise, list(presets))}")
     if errors:
@@ -70,7 +70,7 @@ def configured_sensors(
 
 def noise_presets(spec: NoisySpec) -> tuple[NoisePreset, ...]:
     """The presets of that sensor: 'realistic' only if its data sheet has noise."""
-    return tuple(one for one in get_args(NoisePreset) if one == "file" or one in spec.noises)
+    return tuple(preset for preset in get_args(NoisePreset) if preset == "file" or preset in spec.noises)
 
 
 def _configured(spec: Any, rate: float | None, noise: NoisePreset) -> Any:

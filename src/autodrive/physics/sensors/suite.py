@@ -11,7 +11,7 @@ import numpy as np
 
 from autodrive.base.arrays import Integers, read_only_copy
 from autodrive.base.jit import resolved
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.encoder import EncoderSpec
@@ -44,7 +44,7 @@ class SensorSuite:
     def __init__(
         self,
         vehicles: Mapping[str, Mapping[str, ConfiguredSensor]],
-        shapes: Shapes,
+        shapes: ShapeTable,
         state: State,
         targets: Integers | None = None,
         *,
@@ -61,7 +61,8 @@ class SensorSuite:
         """
         self._configured = list(vehicles.values())
         self._specs = {
-            name: {sensor: its.spec for sensor, its in sensors.items()} for name, sensors in vehicles.items()
+            name: {sensor: configured.spec for sensor, configured in sensors.items()}
+            for name, sensors in vehicles.items()
         }
         targets = np.zeros(len(shapes.kind), np.int64) if targets is None else targets
         self.tables = sensor_tables(self._configured, substep, gravity, targets)
@@ -78,9 +79,9 @@ class SensorSuite:
         self._readers = [[(s, name, self._reader(i, s)) for s, name in self._present(i)] for i in range(len(vehicles))]
         self._latest: list[dict[str, Any]] = [dict.fromkeys(SENSORS) for _ in vehicles]
         self.noise_factors = [1.0] * len(vehicles)
-        """See `set_noise_factors`."""
+        """Factor of the noise of each vehicle, see `set_noise_factors`."""
         self._times = [list(NEVER) for _ in vehicles]
-        """Of the latest readings; see `ReadingColumns.time`."""
+        """Times of the latest readings of each vehicle [s], see `ReadingColumns.time`."""
 
     def set_noise_factors(self, factors: Sequence[float]) -> None:
         """Multiply the noise of each vehicle, from the next reset on."""
@@ -179,5 +180,5 @@ class SensorSuite:
             columns.encoder_ticks[0, i] = before.columns.encoder_ticks[0, i]
 
     def _reader(self, i: int, s: int) -> Reader:
-        """For sensor s of vehicle i."""
+        """The function that makes the messages of sensor s of vehicle i."""
         return self._configured[i][SENSORS[s]].spec.reader(self.columns, i, VALUES[SENSORS[s]].start)

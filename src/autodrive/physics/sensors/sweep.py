@@ -9,7 +9,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate, slerp
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import Shapes
+from autodrive.physics.model import ShapeTable
 from autodrive.physics.ray import inverse_distance, misses_sphere
 
 
@@ -43,7 +43,7 @@ def cast_sweep(
     time: float,
     range_max: float,
     vehicle: int,
-    shapes: Shapes,
+    shapes: ShapeTable,
     near: Integers,
     inverse_range: Floats,
     hits: Integers,
@@ -62,11 +62,12 @@ def cast_sweep(
     dx, dy = position[0] - position_before[0], position[1] - position_before[1]
     way = math.sqrt(dx * dx + dy * dy)
     reach = range_max + way + math.sqrt(mount_position[0] ** 2 + mount_position[1] ** 2 + mount_position[2] ** 2)
-    found = shapes_near(shapes, position[0], position[1], reach, near)
+    near_count = shapes_near(shapes, position[0], position[1], reach, near)
     for i in range(first, rays):
         ray_time = scan / timing.rate - timing.time_increment * (rays - 1 - i)
         if ray_time > time + 1e-9:  # tolerates rounding errors of the time
             return i
+        # start and direction of the ray in the map, at the fraction f of the tick at which it is cast
         f = min(1.0, max(0.0, (ray_time - time_before) / max(time - time_before, 1e-12)))
         turn = slerp(orientation_before, orientation, f)
         lever = rotate(turn, mount_position)
@@ -81,8 +82,9 @@ def cast_sweep(
             nearest = math.inf  # the space below the floor is solid
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
+        # the nearest of the shapes, each of which is where it was at that fraction; distances as inverse ranges
         hits[i] = -1
-        for k in range(found):
+        for k in range(near_count):
             g = near[k]
             if shapes.vehicle[g] == vehicle:
                 continue

@@ -51,9 +51,9 @@ def sensor_tables(
             row["samples"][s], row["substeps"][s] = _schedule(spec, sensors[sensor].is_on, substep)
             mount = getattr(spec, "mount", Mount())
             row["position"][s], row["orientation"][s] = mount.position, mount.orientation
-            row["first"][s] = sum(one.shape[1] for one in rays)
+            row["first"][s] = sum(fan.shape[1] for fan in rays)
             rays.append(spec.ray_constants())
-            row["last"][s] = sum(one.shape[1] for one in rays)
+            row["last"][s] = sum(fan.shape[1] for fan in rays)
             for name, value in spec.parameters(gravity).items():
                 row[name] = value
     return SensorTables(
@@ -74,7 +74,7 @@ def starting_only(tables: SensorTables, starting: Sequence[tuple[int, int]]) -> 
 
 
 def most_rays(tables: SensorTables) -> tuple[int, int]:
-    """Of a LIDAR, and of a rolling one."""
+    """Most rays of a LIDAR, and of a rolling one."""
     table, s = tables.vehicles, NUMBERS["lidar"]
     rays = table["last"][:, s] - table["first"][:, s]
     return int(rays.max(initial=0)), int((rays * table["is_rolling"]).max(initial=0))
@@ -99,8 +99,10 @@ def set_noise(columns: NoiseColumns, k: int, i: int, specs: Mapping[str, Any], f
         spec = specs[sensor].with_noise_factor(factor)
         rows = spec.channel_noise()
         if rows:
-            columns.is_noisy[k, i, s] = not all(one.is_silent for one in rows)
-            columns.channels[k, i, NOISY_VALUES[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
+            columns.is_noisy[k, i, s] = not all(noise.is_silent for noise in rows)
+            columns.channels[k, i, NOISY_VALUES[sensor]] = [
+                (noise.sigma, noise.offset, noise.walk, noise.step) for noise in rows
+            ]
         if isinstance(spec, LidarSpec):
             noise = spec.noise
             columns.is_noisy[k, i, s] = noise != type(noise)()

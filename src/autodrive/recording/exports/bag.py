@@ -82,26 +82,28 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
         for time, whole in options.moments(recording, None):
             node.time = time
             before, scenario = scenario, recording.scenario_at(time)
-            if scenario is not before and (found := _infos(recording, scenario, names)) != infos:
-                infos = found
+            if scenario is not before and (new_infos := _infos(recording, scenario, names)) != infos:
+                infos = new_infos
                 seen |= {*infos}
                 bridge.on_vehicles(infos)
-            frame = replace(whole, vehicles={name: one for name, one in whole.vehicles.items() if name in infos})
+            frame = replace(
+                whole, vehicles={name: vehicle for name, vehicle in whole.vehicles.items() if name in infos}
+            )
             if frame.tick < tick:  # after a reset, readings can have the times of earlier ones
                 scans.clear()
                 images.clear()
             tick = frame.tick
             new = {
-                name: one.lidar
-                for name, one in frame.vehicles.items()
-                if one.lidar is not None and (name not in scans or scans[name].time != one.lidar.time)
+                name: vehicle.lidar
+                for name, vehicle in frame.vehicles.items()
+                if vehicle.lidar is not None and (name not in scans or scans[name].time != vehicle.lidar.time)
             }
             scans |= new
             pictures: dict[tuple[str, str], Picture] = {}
-            for name, one in frame.vehicles.items():
-                assert isinstance(one.cameras, LazyImages)
-                for camera, taken in one.cameras.times.items():
-                    if images.get((name, camera)) != taken and (picture := one.cameras.picture(camera)) is not None:
+            for name, vehicle in frame.vehicles.items():
+                assert isinstance(vehicle.cameras, LazyImages)
+                for camera, taken in vehicle.cameras.times.items():
+                    if images.get((name, camera)) != taken and (picture := vehicle.cameras.picture(camera)) is not None:
                         images[name, camera] = taken
                         pictures[name, camera] = picture
             bridge.on_update(Update(frame, new, pictures))
@@ -142,7 +144,7 @@ class _BagNode:
 
     def __init__(self, path: Path, *, is_ros2: bool) -> None:
         self.time = 0.0
-        """Of the recording [s]; the bag has it as the time of each message."""
+        """Time of the recording [s], which each message of the bag has."""
         self.is_ready = False
         self._store = get_typestore(Stores.ROS2_JAZZY if is_ros2 else Stores.ROS1_NOETIC)
         for name, text in {**DEFINITIONS, **TRANSFORMS}.items():
@@ -211,27 +213,29 @@ class _BagNode:
     def _made(self, type_: str, fields: dict[str, Any]) -> Any:
         """The message of rosbags; fields that are not given are zero or empty."""
         _, definition = self._store.fielddefs[type_]
-        given = {"d": "D", "k": "K", "r": "R", "p": "P"} if type_.endswith("CameraInfo") and not self._is_ros2 else {}
-        fields = {given.get(name, name): value for name, value in fields.items()}
-        values = {name: self._value(kind, of, fields.pop(name, None)) for name, (kind, of) in definition}
+        replaced = (
+            {"d": "D", "k": "K", "r": "R", "p": "P"} if type_.endswith("CameraInfo") and not self._is_ros2 else {}
+        )
+        fields = {replaced.get(name, name): value for name, value in fields.items()}
+        values = {name: self._value(kind, parts, fields.pop(name, None)) for name, (kind, parts) in definition}
         assert not fields, f"{type_} has no {', '.join(fields)}"
         return self._store.types[type_](**values)
 
-    def _value(self, kind: Any, of: Any, value: Any) -> Any:
+    def _value(self, kind: Any, parts: Any, value: Any) -> Any:
         if kind == Nodetype.NAME:
             if isinstance(value, Time):
                 return self._store.types["builtin_interfaces/msg/Time"](value.sec, value.nanosec)
             if isinstance(value, Message):
                 value = value.fields
-            return self._made(of, value or {})
+            return self._made(parts, value or {})
         if kind == Nodetype.BASE:
-            return _ZERO.get(of[0], 0) if value is None else value
-        return self._array(of, value)
+            return _ZERO.get(parts[0], 0) if value is None else value
+        return self._array(parts, value)
 
-    def _array(self, of: Any, value: Any) -> Any:
-        (element, inner), size = of
-        if element == Nodetype.NAME:
-            return [self._value(element, inner, one) for one in value or ()]
+    def _array(self, parts: Any, value: Any) -> Any:
+        (kind, inner), size = parts
+        if kind == Nodetype.NAME:
+            return [self._value(kind, inner, part) for part in value or ()]
         if inner[0] == "string":
             return list(value or ())
         dtype = np.dtype({"bool": "?", "byte": "u1", "char": "u1"}.get(inner[0], inner[0]))

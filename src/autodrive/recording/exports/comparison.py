@@ -33,14 +33,14 @@ from autodrive.world.batch import BatchWorld
 SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
 """Signals of a drive [m, m, rad, m/s, rad/s]."""
 PATH_HEIGHT = 420
-"""Of the panel with both paths [pixels]."""
+"""Height of the panel with both paths [pixels]."""
 MAX_POINTS = 2000
 """Points of a drawn path at most."""
 
 Signals: TypeAlias = dict[str, NDArray[np.float64]]
 
 
-class Error(NamedTuple):
+class SignalDeviation(NamedTuple):
     """The error of a signal, in its unit."""
 
     rms: float
@@ -54,7 +54,7 @@ class Quantity(NamedTuple):
 
     unit: str
     factor: float = 1.0
-    """From the unit of the values to the unit that is shown."""
+    """Factor from the unit of the values to the unit that is shown."""
     is_length: bool = False
     """Whether it is shown in % of the length of the drive, too."""
 
@@ -78,7 +78,7 @@ class Comparison:
     recorded: Signals
     """'x' and 'y' [m], 'heading' [rad], 'speed' [m/s] without its sign, 'yaw rate' [rad/s], each of shape (n,)."""
     simulated: Signals
-    """Likewise."""
+    """Signals of the simulated drive, with the names, units and shapes of `recorded`."""
     breaks: tuple[int, ...] = ()
     """Rows, from 0, at which the simulation starts again as recorded."""
     note: str = ""
@@ -98,19 +98,19 @@ class Comparison:
         'along' and 'across': the difference of the positions in the axes of the recorded vehicle, forward and to the
         left [m]; 'distance': its magnitude [m]; 'heading': -pi to pi [rad]; 'speed' [m/s]; 'yaw rate' [rad/s].
         """
-        found = {name: self.simulated[name] - self.recorded[name] for name in SIGNALS}
-        dx, dy, heading = found.pop("x"), found.pop("y"), self.recorded["heading"]
+        differences = {name: self.simulated[name] - self.recorded[name] for name in SIGNALS}
+        dx, dy, heading = differences.pop("x"), differences.pop("y"), self.recorded["heading"]
         along = np.cos(heading) * dx + np.sin(heading) * dy
         across = np.cos(heading) * dy - np.sin(heading) * dx
-        found["heading"] = np.remainder(found["heading"] + math.pi, 2.0 * math.pi) - math.pi
-        return {"along": along, "across": across, "distance": np.hypot(dx, dy)} | found
+        differences["heading"] = np.remainder(differences["heading"] + math.pi, 2.0 * math.pi) - math.pi
+        return {"along": along, "across": across, "distance": np.hypot(dx, dy)} | differences
 
     @property
-    def errors(self) -> dict[str, Error]:
+    def errors(self) -> dict[str, SignalDeviation]:
         """Root mean square and largest magnitude of each of the `differences`, in their units."""
         return {
-            name: Error(float(np.sqrt(np.mean(of**2))), float(np.max(np.abs(of))))
-            for name, of in self.differences.items()
+            name: SignalDeviation(float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values))))
+            for name, values in self.differences.items()
         }
 
     def table(self) -> str:
@@ -161,7 +161,9 @@ def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None
         spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
     name = next(iter(spec.vehicles))
     spec = with_type(spec, name, type_)
-    without_own = {one: placement.model_copy(update={"own_sensors": {}}) for one, placement in spec.vehicles.items()}
+    without_own = {
+        vehicle: placement.model_copy(update={"own_sensors": {}}) for vehicle, placement in spec.vehicles.items()
+    }
     batch = BatchWorld(spec.model_copy(update={"vehicles": without_own}), threads=1)
     vehicle = batch.compiled.vehicles[name]
     limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
@@ -213,12 +215,12 @@ def compare_recording(
     if vehicle and vehicle not in names:
         raise RecordingError(f"vehicle '{vehicle}' is not in the recording. {suggest(vehicle, [*names])}")
     name = vehicle or names[0]
-    given = load_scenario(scenario) if isinstance(scenario, str | Path) else scenario
-    if given is not None and name not in given.vehicles:
-        raise RecordingError(f"the scenario has no vehicle '{name}'. {suggest(name, [*given.vehicles])}")
+    own_scenario = load_scenario(scenario) if isinstance(scenario, str | Path) else scenario
+    if own_scenario is not None and name not in own_scenario.vehicles:
+        raise RecordingError(f"the scenario has no vehicle '{name}'. {suggest(name, [*own_scenario.vehicles])}")
 
     def changed(spec: ScenarioSpec) -> ScenarioSpec:
-        return with_type(given or spec, name, type_)
+        return with_type(own_scenario or spec, name, type_)
 
     times: list[float] = []
     rows: list[list[float]] = []
@@ -227,8 +229,8 @@ def compare_recording(
         for time, frame, simulated in pairs:
             if name in frame.vehicles and name in simulated.vehicles:
                 times.append(time)
-                for found, car in ((rows, frame.vehicles[name]), (ours, simulated.vehicles[name])):
-                    found.append(_row(car.pose.position, car.pose.orientation, car.velocity, car.angular_velocity))
+                for table, car in ((rows, frame.vehicles[name]), (ours, simulated.vehicles[name])):
+                    table.append(_row(car.pose.position, car.pose.orientation, car.velocity, car.angular_velocity))
     return Comparison(np.array(times), _signals(rows), _signals(ours))
 
 
@@ -280,4 +282,4 @@ def paths(drives: Mapping[str, Signals]) -> str:
 def _round_length(length: float) -> float:
     """The largest of 1, 2, 5, 10 ... that is not longer."""
     power = 10.0 ** math.floor(math.log10(length))
-    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= length * (1.0 + 1e-9))
+    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= length * (1.0 + 1e-9))

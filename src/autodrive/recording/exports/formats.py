@@ -23,7 +23,7 @@ class Format:
     module: str
     """Module of this package with the function `write(recording, path, options)`."""
     suffix: str
-    """Of the file; empty: it is a folder."""
+    """Suffix of the file; empty: it is a folder."""
     extra: str = ""
     """Extra that installs the packages that it needs."""
 
@@ -37,7 +37,7 @@ FORMATS = {
     "lerobot": Format("LeRobot dataset v3: Parquet and MP4", "lerobot", "", "export"),
     "minari": Format("Minari dataset: observations and actions", "minari_dataset", "", "export"),
 }
-"""By name."""
+"""Formats by name."""
 
 
 def default_path(recording: Path, name: str) -> Path:

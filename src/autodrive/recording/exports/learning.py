@@ -26,21 +26,21 @@ ACTION = ("throttle", "steering")
 
 
 @dataclass(frozen=True)
-class Step:
+class DatasetStep:
     """One time step."""
 
     time: float
-    """In the recording [s]."""
+    """Time of the step in the recording [s]."""
     episode: int
     """Number of the episode."""
     state: NDArray[np.float32]
-    """See `STATE`."""
+    """Observation of the step, see `STATE`."""
     action: NDArray[np.float32]
-    """See `ACTION`."""
+    """Action of the step, see `ACTION`."""
     images: LazyImages
 
 
-def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[Step]:
+def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[DatasetStep]:
     """The steps of one vehicle at that rate [Hz]. Raises `RecordingError` if the recording has fewer Frames.
 
     An episode ends with a reset, with another scenario, and where Frames are missing: its steps have equal intervals,
@@ -52,18 +52,20 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
         raise RecordingError(
             f"the recording has a Frame every {interval:.4g} s: choose a rate of at most {1.0 / interval:.4g} Hz"
         )
-    given = recording.records_of(COMMANDS, REQUESTS)
-    record = next(given, None)
+    records = recording.records_of(COMMANDS, REQUESTS)
+    record = next(records, None)
     command, since, episode, last = Command(), -math.inf, 0, math.inf
     for time, frame in options.moments(recording, rate):
         has_jump = time > last + 1.0 / rate + interval + 1e-9
         while record is not None and record[0] <= time + 1e-9:
-            of = record[1]
-            if isinstance(of, CommandsRecord) and vehicle in of.commands:
-                command, since = of.commands[vehicle], record[0]
-            elif isinstance(of, RequestRecord) and isinstance(of.request, Reset | ResetTo | LoadScenario):
+            record_content = record[1]
+            if isinstance(record_content, CommandsRecord) and vehicle in record_content.commands:
+                command, since = record_content.commands[vehicle], record[0]
+            elif isinstance(record_content, RequestRecord) and isinstance(
+                record_content.request, Reset | ResetTo | LoadScenario
+            ):
                 command, has_jump = Command(), record[0] > last
-            record = next(given, None)
+            record = next(records, None)
         if vehicle not in frame.vehicles:
             continue
         episode += has_jump and last < math.inf
@@ -73,27 +75,27 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
         action = np.clip(np.array([obeyed.throttle, obeyed.steering], np.float32), -1.0, 1.0)
         images = frame.vehicles[vehicle].cameras
         assert isinstance(images, LazyImages)
-        yield Step(time, episode, _state(frame, vehicle), action, images)
+        yield DatasetStep(time, episode, _state(frame, vehicle), action, images)
 
 
-def checked(found: list[Step]) -> list[Step]:
+def checked(all_steps: list[DatasetStep]) -> list[DatasetStep]:
     """Raises `RecordingError` if a dataset needs more steps."""
-    if len(found) < 2:
-        raise RecordingError(f"the dataset would have {len(found)} steps; record a longer drive")
-    return found
+    if len(all_steps) < 2:
+        raise RecordingError(f"the dataset would have {len(all_steps)} steps; record a longer drive")
+    return all_steps
 
 
 def _state(frame: Frame, vehicle: str) -> NDArray[np.float32]:
-    one = frame.vehicles[vehicle]
+    vehicle_frame = frame.vehicles[vehicle]
     return np.array(
         [
-            *one.ips.position[:2],
-            one.imu.euler[2],
-            one.speed,
-            one.imu.angular_velocity[2],
-            *one.imu.linear_acceleration[:2],
-            one.throttle,
-            one.steering,
+            *vehicle_frame.ips.position[:2],
+            vehicle_frame.imu.euler[2],
+            vehicle_frame.speed,
+            vehicle_frame.imu.angular_velocity[2],
+            *vehicle_frame.imu.linear_acceleration[:2],
+            vehicle_frame.throttle,
+            vehicle_frame.steering,
         ],
         np.float32,
     )

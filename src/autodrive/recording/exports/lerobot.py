@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.learning import ACTION, STATE, DatasetStep, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.recording.film.encoder import open_stream
 from autodrive.recording.recording import decoded
@@ -31,7 +31,7 @@ from autodrive.recording.recording import decoded
 RATE = 30
 """Default rate of the steps [Hz]."""
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-"""Of the statistics, by name."""
+"""Quantiles in the statistics, by name."""
 MAX_IMAGES, PIXEL_STEP = 100, 8
 """The statistics of a camera are those of at most so many images, and of each 8th pixel of each 8th row."""
 CODECS = ("libsvtav1", "libvpx-vp9", "mpeg4")
@@ -44,24 +44,26 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     if rate != round(rate):
         raise RecordingError(f"a LeRobot dataset has a whole number of steps in a second, not {rate:g}")
     rate = round(rate)
-    found = checked(list(steps(recording, options, rate)))
+    all_steps = checked(list(steps(recording, options, rate)))
     vehicle = options.vehicles(recording)[0]
-    cameras = [one for one in recording.cameras(vehicle) if all(one in step.images.times for step in found[-1:])]
+    cameras = [
+        camera for camera in recording.cameras(vehicle) if all(camera in step.images.times for step in all_steps[-1:])
+    ]
     for folder in ("meta/episodes/chunk-000", "data/chunk-000"):
         make_folder(path / folder)
     task = f"drive: {recording.scenario.spec.get('title') or recording.scenario.name}"
-    columns = _columns(found, rate)
+    columns = _columns(all_steps, rate)
     pq.write_table(pa.table(columns), path / "data/chunk-000/file-000.parquet")
     pq.write_table(_tasks(task), path / "meta/tasks.parquet")
-    videos = {camera: _write_video(path, camera, found, rate) for camera in cameras}
+    videos = {camera: _write_video(path, camera, all_steps, rate) for camera in cameras}
     values = {
-        name: np.array(column.to_pylist(), np.float64).reshape(len(found), -1) for name, column in columns.items()
+        name: np.array(column.to_pylist(), np.float64).reshape(len(all_steps), -1) for name, column in columns.items()
     }
     episodes = _episode_rows(columns, task, cameras, rate)
-    episodes |= _episode_statistics(values, found, cameras)
+    episodes |= _episode_statistics(values, all_steps, cameras)
     pq.write_table(pa.table(episodes), path / "meta/episodes/chunk-000/file-000.parquet")
-    write_file(path / "meta/stats.json", json.dumps(_statistics(values, found, cameras), indent=2))
-    write_file(path / "meta/info.json", json.dumps(_info(recording, vehicle, found, rate, videos), indent=2))
+    write_file(path / "meta/stats.json", json.dumps(_statistics(values, all_steps, cameras), indent=2))
+    write_file(path / "meta/info.json", json.dumps(_info(recording, vehicle, all_steps, rate, videos), indent=2))
 
 
 def _tasks(task: str) -> pa.Table:
@@ -75,17 +77,17 @@ def _tasks(task: str) -> pa.Table:
     return table.replace_schema_metadata({"pandas": json.dumps(described)})
 
 
-def _columns(found: Sequence[Step], rate: int) -> dict[str, Any]:
-    _, firsts, episode = np.unique([one.episode for one in found], return_index=True, return_inverse=True)
-    frame = np.arange(len(found)) - firsts[episode]
+def _columns(all_steps: Sequence[DatasetStep], rate: int) -> dict[str, Any]:
+    _, firsts, episode = np.unique([step.episode for step in all_steps], return_index=True, return_inverse=True)
+    frame = np.arange(len(all_steps)) - firsts[episode]
     return {
-        "observation.state": pa.array([one.state for one in found], pa.list_(pa.float32(), len(STATE))),
-        "action": pa.array([one.action for one in found], pa.list_(pa.float32(), len(ACTION))),
+        "observation.state": pa.array([step.state for step in all_steps], pa.list_(pa.float32(), len(STATE))),
+        "action": pa.array([step.action for step in all_steps], pa.list_(pa.float32(), len(ACTION))),
         "timestamp": pa.array((frame / rate).astype(np.float32)),
         "frame_index": pa.array(frame, pa.int64()),
         "episode_index": pa.array(episode, pa.int64()),
-        "index": pa.array(range(len(found)), pa.int64()),
-        "task_index": pa.array([0] * len(found), pa.int64()),
+        "index": pa.array(range(len(all_steps)), pa.int64()),
+        "task_index": pa.array([0] * len(all_steps), pa.int64()),
     }
 
 
@@ -111,11 +113,11 @@ def _episode_rows(columns: dict[str, Any], task: str, cameras: Sequence[str], ra
     return rows
 
 
-def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> dict[str, Any]:
+def _write_video(path: Path, camera: str, all_steps: Sequence[DatasetStep], rate: int) -> dict[str, Any]:
     """One image for each step: the latest one, black before the first one; the description of the video."""
     target = path / f"videos/observation.images.{camera}/chunk-000"
     make_folder(target)
-    last = found[-1].images.picture(camera)
+    last = all_steps[-1].images.picture(camera)
     assert last is not None
     height, width = decoded(last).rgba.shape[:2]
     codec = next(name for name in CODECS if name in av.codecs_available)
@@ -123,8 +125,8 @@ def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> d
     known = -1.0
     with av.open(str(target / "file-000.mp4"), "w") as container:
         stream = open_stream(container, codec, (width, height), Fraction(rate))
-        for one in found:
-            if one.images.times.get(camera, known) != known and (picture := one.images.picture(camera)) is not None:
+        for step in all_steps:
+            if step.images.times.get(camera, known) != known and (picture := step.images.picture(camera)) is not None:
                 known, pixels = picture.time, np.ascontiguousarray(decoded(picture).rgb)
             container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
         container.mux(stream.encode())
@@ -143,27 +145,31 @@ def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> d
 Statistics: TypeAlias = dict[str, dict[str, list[Any]]]
 
 
-def _statistics(values: Mapping[str, NDArray[np.float64]], found: Sequence[Step], cameras: Sequence[str]) -> Statistics:
+def _statistics(
+    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[DatasetStep], cameras: Sequence[str]
+) -> Statistics:
     """Statistics of each feature, by its name and by the name of the statistic."""
     statistics = {name: _summary(column, len(column)) for name, column in values.items()}
     for camera in cameras:
-        chosen = found[:: -(-len(found) // MAX_IMAGES)]
-        pixels = [_pixels(one, camera) for one in chosen]
-        of = _summary(np.concatenate(pixels) / 255.0, len(pixels))
-        shaped = {name: value if name == "count" else [[[channel]] for channel in value] for name, value in of.items()}
+        chosen = all_steps[:: -(-len(all_steps) // MAX_IMAGES)]
+        pixels = [_pixels(step, camera) for step in chosen]
+        summary = _summary(np.concatenate(pixels) / 255.0, len(pixels))
+        shaped = {
+            name: value if name == "count" else [[[channel]] for channel in value] for name, value in summary.items()
+        }
         statistics[f"observation.images.{camera}"] = shaped
     return statistics
 
 
 def _summary(rows: NDArray[np.float64], count: int) -> dict[str, list[Any]]:
     """Statistics of the columns, shape (n, k), of that many samples."""
-    of = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
+    figures = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
     quantiles = np.quantile(rows, [*QUANTILES.values()], axis=0)
-    found = of | dict(zip(QUANTILES, quantiles, strict=True))
-    return {name: value.tolist() for name, value in found.items()} | {"count": [count]}
+    figures |= dict(zip(QUANTILES, quantiles, strict=True))
+    return {name: value.tolist() for name, value in figures.items()} | {"count": [count]}
 
 
-def _pixels(step: Step, camera: str) -> NDArray[np.uint8]:
+def _pixels(step: DatasetStep, camera: str) -> NDArray[np.uint8]:
     """Some pixels of an image, shape (n, 3); one black pixel before the first image."""
     picture = step.images.picture(camera) if camera in step.images.times else None
     if picture is None:
@@ -172,24 +178,24 @@ def _pixels(step: Step, camera: str) -> NDArray[np.uint8]:
 
 
 def _episode_statistics(
-    values: Mapping[str, NDArray[np.float64]], found: Sequence[Step], cameras: Sequence[str]
+    values: Mapping[str, NDArray[np.float64]], all_steps: Sequence[DatasetStep], cameras: Sequence[str]
 ) -> dict[str, list[Any]]:
     """Columns with the statistics of each episode, such as 'stats/action/mean'."""
     columns: dict[str, list[Any]] = {}
     episode = values["episode_index"][:, 0]
     for number in np.unique(episode):
         (rows,) = np.nonzero(episode == number)
-        of = _statistics(
-            {name: column[rows] for name, column in values.items()}, [found[i] for i in rows.tolist()], cameras
+        by_feature = _statistics(
+            {name: column[rows] for name, column in values.items()}, [all_steps[i] for i in rows.tolist()], cameras
         )
-        for feature, statistics in of.items():
+        for feature, statistics in by_feature.items():
             for name, value in statistics.items():
                 columns.setdefault(f"stats/{feature}/{name}", []).append(value)
     return columns
 
 
 def _info(
-    recording: Recording, vehicle: str, found: Sequence[Step], rate: int, videos: dict[str, dict[str, Any]]
+    recording: Recording, vehicle: str, all_steps: Sequence[DatasetStep], rate: int, videos: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     whole = {"dtype": "int64", "shape": [1], "names": None}
     features: dict[str, Any] = {
@@ -205,12 +211,12 @@ def _info(
             "names": ["height", "width", "channels"],
             "info": about,
         }
-    episodes = len({one.episode for one in found})
+    episodes = len({step.episode for step in all_steps})
     return {
         "codebase_version": "v3.0",
         "robot_type": recording.scenario_of(vehicle).spec["vehicles"][vehicle]["type"],
         "total_episodes": episodes,
-        "total_frames": len(found),
+        "total_frames": len(all_steps),
         "total_tasks": 1,
         "chunks_size": 1000,
         "data_files_size_in_mb": 100,

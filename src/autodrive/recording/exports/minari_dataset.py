@@ -20,7 +20,7 @@ from minari.data_collector import EpisodeBuffer
 
 from autodrive.base.child_process import start_module, take_stdout
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.learning import ACTION, STATE, DatasetStep, checked, steps
 from autodrive.recording.exports.options import ExportOptions
 
 RATE = 20.0
@@ -33,9 +33,9 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     Load it with `MINARI_DATASETS_PATH=FOLDER` and `minari.load_dataset("autodrive/NAME-v0")`. Images are left out.
     """
     rate = options.rate or RATE
-    found = checked(list(steps(recording, options, rate)))
-    episodes = [episode for episode, count in Counter(one.episode for one in found).items() if count > 1]
-    buffers = [_episode(i, [one for one in found if one.episode == number]) for i, number in enumerate(episodes)]
+    all_steps = checked(list(steps(recording, options, rate)))
+    episodes = [episode for episode, count in Counter(step.episode for step in all_steps).items() if count > 1]
+    buffers = [_episode(i, [step for step in all_steps if step.episode == number]) for i, number in enumerate(episodes)]
     name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
     description = (
         f"AutoDRIVE recording of '{recording.scenario.name}'. {rate:g} steps in a second. "
@@ -86,13 +86,13 @@ def _create(folder: Path, name: str, description: str, buffers: list[EpisodeBuff
     )
 
 
-def _episode(number: int, found: list[Step]) -> EpisodeBuffer:
+def _episode(number: int, episode_steps: list[DatasetStep]) -> EpisodeBuffer:
     """N + 1 observations, n actions; the action of a step was given at its observation."""
-    count = len(found) - 1
+    count = len(episode_steps) - 1
     return EpisodeBuffer(
         id=number,
-        observations=[one.state for one in found],
-        actions=[one.action for one in found[:-1]],
+        observations=[step.state for step in episode_steps],
+        actions=[step.action for step in episode_steps[:-1]],
         rewards=[0.0] * count,
         terminations=[False] * count,
         truncations=[False] * (count - 1) + [True],

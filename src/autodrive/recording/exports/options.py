@@ -18,7 +18,7 @@ class ExportOptions:
     """Options of an export. Not every format uses all of them."""
 
     vehicle: str = ""
-    """Only this vehicle; empty: all, or the first one in formats for one vehicle."""
+    """The vehicle that is exported; empty: all, or the first one in formats for one vehicle."""
     rate: float | None = None
     """Rate of the rows [Hz]; None: that of the format, or of the recording."""
     start: float | None = None

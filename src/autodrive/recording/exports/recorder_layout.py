@@ -35,7 +35,7 @@ LEAST_GAP, GAP_STEPS = 0.5, 5.0
 MOST_BACKWARD = 0.05
 """Share of the rows of a log that may be earlier than those before them, each because the clock was set back."""
 LEAST_STEERING, LEAST_TURN, LEAST_SPEED, LEAST_ROWS = 0.03, 0.1, 0.05, 20
-"""Rows with at least this angle [rad], yaw rate [rad/s] and speed [m/s] show the sign of the steering; so many do."""
+"""Least angle [rad], yaw rate [rad/s] and speed [m/s] of rows that show the sign of the steering, and their number."""
 MOST_OPPOSITE = 0.8
 """Share of these rows; if more of them turn to the other side, the sign of the steering is wrong."""
 
@@ -49,7 +49,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
         began = datetime.strptime(recording.about.get("recorded_at", "2000-01-01T00:00:00Z"), "%Y-%m-%dT%H:%M:%SZ")
         with (path / f"{vehicle} Log.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            images = _Images(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
+            images = _ImageFiles(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
             for moment in options.moments(recording, options.rate or RATES[columns]):
                 if vehicle not in moment.frame.vehicles:
                     continue
@@ -57,7 +57,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
                 writer.writerow(_row(moment, vehicle, stamp, columns, images))
 
 
-class _Images:
+class _ImageFiles:
     """Writes each image once; `count` cameras have a column."""
 
     def __init__(self, path: Path, vehicle: str, count: int) -> None:
@@ -71,8 +71,8 @@ class _Images:
         assert isinstance(cameras, LazyImages)
         names = [name for name in ("front", "rear") if name in cameras]
         names = (names or [*cameras])[: self._count]
-        found = [self._written(cameras, name, i, stamp) for i, name in enumerate(names)]
-        return found + [""] * (self._count - len(found))
+        written = [self._written(cameras, name, i, stamp) for i, name in enumerate(names)]
+        return written + [""] * (self._count - len(written))
 
     def _written(self, cameras: LazyImages, name: str, number: int, stamp: str) -> str:
         time, path = self._latest.get(name, (math.nan, ""))
@@ -84,7 +84,7 @@ class _Images:
         return path
 
 
-def _row(moment: Moment, vehicle: str, stamp: str, columns: int, images: _Images) -> list[object]:
+def _row(moment: Moment, vehicle: str, stamp: str, columns: int, images: _ImageFiles) -> list[object]:
     frame = moment.frame.vehicles[vehicle]
     velocity = frame.velocity.tolist()
     return [
@@ -113,7 +113,7 @@ class DriveLog:
     steering: Floats
     """[rad], left positive, shape (n,)."""
     ticks: Floats
-    """Of the left and the right encoder, shape (n, 2)."""
+    """Ticks of the left and the right encoder, shape (n, 2)."""
     position: Floats
     """[m], shape (n, 3)."""
     euler: Floats

@@ -53,8 +53,8 @@ def _log(
     images: dict[tuple[str, str], float] = {}
     for time, frame in options.moments(recording, options.rate or RATE):
         stream.set_time(TIMELINE, duration=time)
-        for name, one in frame.objects.items():
-            stream.log(f"world/objects/{name}", _transform(one.pose))
+        for name, body in frame.objects.items():
+            stream.log(f"world/objects/{name}", _transform(body.pose))
         for name in (name for name in vehicles if name in frame.vehicles):
             vehicle = frame.vehicles[name]
             stream.log(f"world/{name}", _transform(vehicle.pose))
@@ -63,9 +63,11 @@ def _log(
                 stream.log(f"world/{name}/lidar", rr.Points3D(_points(vehicle.lidar), radii=0.005))
             assert isinstance(vehicle.cameras, LazyImages)
             for camera, taken in vehicle.cameras.times.items():
-                if images.get((name, camera)) != taken and (found := vehicle.cameras.picture(camera)) is not None:
+                if images.get((name, camera)) != taken and (picture := vehicle.cameras.picture(camera)) is not None:
                     images[name, camera] = taken
-                    stream.log(f"images/{name}/{camera}", rr.EncodedImage(contents=found.jpeg, media_type="image/jpeg"))
+                    stream.log(
+                        f"images/{name}/{camera}", rr.EncodedImage(contents=picture.jpeg, media_type="image/jpeg")
+                    )
         for event in frame.events:
             stream.log("events", rr.TextLog(repr(event)))
     _log_signals(stream, recording, vehicles, options)
@@ -105,7 +107,7 @@ class _Copy(threading.Thread):
         self.error: OSError | None = None
 
     def run(self) -> None:
-        """Until the end of the pipe."""
+        """Copy until the end of the pipe."""
         os.set_blocking(self._pipe, True)
         with open(self._pipe, "rb", buffering=0) as pipe:
             while data := pipe.read(2**20):
@@ -140,9 +142,13 @@ def _log_meshes(stream: rr.RecordingStream, recording: Recording, vehicles: dict
         if number:
             stream.log("world", rr.Clear(recursive=True))
         for part, name in scenario.attachments.items():
-            kind, _, of = part.partition("/")
-            entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}.get(kind)
-            if entity is not None and name in recording.attachments and (kind != "vehicle" or of in vehicles):
+            kind, _, owner = part.partition("/")
+            entity = {
+                "map": "world/map",
+                "vehicle": f"world/{owner}/mesh",
+                "object": f"world/objects/{owner}/mesh",
+            }.get(kind)
+            if entity is not None and name in recording.attachments and (kind != "vehicle" or owner in vehicles):
                 mesh = rr.Asset3D(contents=recording.attachment(name), media_type="model/gltf-binary")
                 stream.log(entity, mesh, static=len(scenarios) == 1)
     for name, spec in vehicles.items():
@@ -151,7 +157,7 @@ def _log_meshes(stream: rr.RecordingStream, recording: Recording, vehicles: dict
 
 
 def _transform(pose: object) -> rr.Transform3D:
-    """Of a pose or a mount."""
+    """The transform of a pose or a mount."""
     w, x, y, z = map(float, pose.orientation)  # type: ignore[attr-defined]  # pyright: ignore
     position = [float(value) for value in pose.position]  # type: ignore[attr-defined]  # pyright: ignore
     return rr.Transform3D(translation=position, quaternion=rr.Quaternion(xyzw=[x, y, z, w]))

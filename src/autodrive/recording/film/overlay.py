@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from autodrive.base.png import decode_png
 
 WIDTH, HEIGHT = 300, 92
-"""Of the overlay, in units of which an image of 720 lines has one per pixel."""
+"""Size of the overlay, in units of which an image of 720 lines has one per pixel."""
 
 _GLYPHS = {
     "0": "M2 0h6q2 0 2 2v14q0 2-2 2h-6q-2 0-2-2v-14q0-2 2-2z",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MOST = 50_000
 """Moments that are kept; of a longer recording every second, fourth, ... Frame."""
 FRAMES, REST = 20, 0.002
-"""After so many Frames, the thread lets others run for that time [s]."""
+"""Number of Frames after which the thread lets others run, and for how long [s]."""
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class ForcesAgain:
         self._thread: threading.Thread | None = None
 
     def at(self, time: float) -> dict[str, ContactForces] | None:
-        """Those of a time of the recording [s]; None: not known yet. Empty if it cannot be simulated again."""
+        """Contact forces at a time of the recording [s]; None: not known yet. Empty if it cannot be simulated again."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="autodrive-forces", daemon=True)
             self._thread.start()

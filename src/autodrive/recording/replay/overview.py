@@ -76,14 +76,14 @@ class Overview:
         first, last = (round(time / duration * PARTS) for time in (start, end))
         last = max(last, first + 1)
         edges = np.linspace(first, last, request.columns + 1).astype(int)
-        found = {}
+        curves = {}
         for plot in request.plots:
             key = request.vehicle, plot
             low, high = self._low.get(key), self._high.get(key)
             if low is None or high is None:
                 low = high = np.full(PARTS, np.nan, np.float32)
-            found[plot] = Curve(_reduced(low, edges, np.fmin), _reduced(high, edges, np.fmax))
-        return found
+            curves[plot] = Curve(_reduced(low, edges, np.fmin), _reduced(high, edges, np.fmax))
+        return curves
 
     def _check(self, request: PlotRecording, start: float, end: float) -> None:
         for plot in request.plots:
@@ -99,15 +99,15 @@ class Overview:
 
     def _read_range(self, vehicle: str, plots: list[str], start: float, end: float, columns: int) -> dict[str, Curve]:
         """Curves read from the file."""
-        found = {plot: (np.full(columns, np.nan), np.full(columns, np.nan)) for plot in plots}
+        extremes = {plot: (np.full(columns, np.nan), np.full(columns, np.nan)) for plot in plots}
         length = max(end - start, 1e-9)
         blocks = self._blocks(vehicle, plots, start, end)
         while (block := self._next(blocks)) is not None:
             for plot, times, values in block:
                 inside = (times >= start - 1e-9) & (times <= end + 1e-9)
                 index = np.minimum((times[inside] - start) / length * columns, columns - 1).astype(int)
-                _merge(*found[plot], *_runs(index), values[inside])
-        return {plot: Curve(low, high) for plot, (low, high) in found.items()}
+                _merge(*extremes[plot], *_runs(index), values[inside])
+        return {plot: Curve(low, high) for plot, (low, high) in extremes.items()}
 
     def _read_all(self) -> None:
         try:
@@ -153,7 +153,7 @@ class Overview:
 
 
 def _runs(index: NDArray[np.int_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    """Of increasing numbers: the place of the first of each run of equal ones, and the numbers."""
+    """The place of the first of each run of equal numbers, and the numbers; `index`: increasing numbers."""
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     return starts, index[starts]
 
@@ -169,10 +169,10 @@ def _scalar(plot: Plot, values: Any) -> NDArray[np.float64]:
     """The plotted number of each value."""
     table = np.asarray(values, np.float64)
     if plot.reduction == "nearest":
-        found = np.where(np.isfinite(table), table, np.inf).min(1, initial=math.inf)
-        return np.where(np.isfinite(found), found, np.nan)
-    found = table if table.ndim == 1 else table[:, plot.element]
-    return np.where(np.isfinite(found), found, np.nan)
+        nearest = np.where(np.isfinite(table), table, np.inf).min(1, initial=math.inf)
+        return np.where(np.isfinite(nearest), nearest, np.nan)
+    nearest = table if table.ndim == 1 else table[:, plot.element]
+    return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
 def _reduced(values: Columns, edges: NDArray[np.int_], least: np.ufunc) -> NDArray[np.float64]:

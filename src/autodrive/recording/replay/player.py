@@ -42,7 +42,8 @@ IMAGE_POLL_PERIOD = 0.02
 """While time stands still, images that are being drawn are awaited in steps of this time [s]."""
 
 FORCES_POLL_PERIOD = 0.1
-"""Likewise, whether somebody looks at contact forces, and whether they are known [s]."""
+"""Interval while time stands still at which the player checks whether somebody looks at contact forces, and whether
+they are known [s]."""
 
 log = logging.getLogger(__name__)
 

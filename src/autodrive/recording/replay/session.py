@@ -15,7 +15,7 @@ from autodrive import recording as recordings
 from autodrive.connect.devkit.server import SIGNAL_DELAY
 from autodrive.connect.server.files import built_page
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.protocol.native import Drive
@@ -43,7 +43,7 @@ class ReplayOptions(PageOptions):
     is_paused: bool = False
     """Whether it waits for a viewer to play."""
     camera_quality: str = "auto"
-    """Of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
+    """Quality of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
 
 
 class Replay:
@@ -67,7 +67,7 @@ class Replay:
         except BaseException:
             self._stack.close()
             raise
-        self.server = Server(
+        self.server = SimulationServer(
             Served(
                 self.player,
                 stages.scene_files,

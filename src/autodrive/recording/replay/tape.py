@@ -54,7 +54,7 @@ class Tape:
         self._stack.callback(self._recording.close)
         try:
             self.duration = self._recording.duration
-            self.marks = [Mark(one.time - self._recording.start, one.event) for one in self._recording.events]
+            self.marks = [Mark(event.time - self._recording.start, event.event) for event in self._recording.events]
         except BaseException:
             self._stack.close()
             raise
@@ -73,7 +73,9 @@ class Tape:
     def __enter__(self) -> Tape:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, of: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     @property
@@ -150,8 +152,8 @@ class Tape:
         return drawings
 
     def _moment_at(self, time: float) -> Moment:
-        found = self._recording.moment_at(time + self._recording.start + INSTANT)
-        return self._moment if self._moment is not None and self._moment.time == found.time else found
+        moment = self._recording.moment_at(time + self._recording.start + INSTANT)
+        return self._moment if self._moment is not None and self._moment.time == moment.time else moment
 
     def _shared(self, frame: Frame, before: Frame | None) -> Frame:
         """The Frame with the scans and images of the one before that are still the latest ones."""

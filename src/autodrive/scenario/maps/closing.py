@@ -24,7 +24,7 @@ MAX_NODES = 4000
 CELL = 0.5
 """Edge of the squares that say where solids are, in the frame of the first port [m]."""
 PIECE_COST = 0.05
-"""Of each piece, so that a long one is preferred to several short ones [m]."""
+"""Cost of each piece of a chain, so that a long one is preferred to several short ones [m]."""
 GAP = 1e-3
 """Pieces may touch: they are taken as narrower by this on each side [m]."""
 QUARTER = 0.5 * math.pi
@@ -36,7 +36,7 @@ class Chain:
 
     placements: tuple[Placement, ...]
     miss: tuple[float, float] | None = None
-    """Without a chain: moving the module of the end by this [m] would let one meet it; None: not known."""
+    """How far the module of the end must be moved [m] to let a chain meet it, if there is no chain; None: not known."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class _Way:
 
 
 @dataclass(frozen=True)
-class _Node:
+class _ChainEnd:
     """An end of a chain, in the frame of its first port."""
 
     x: float
@@ -64,7 +64,7 @@ class _Node:
     quarter: int
     cost: float
     way: _Way | None = None
-    before: _Node | None = None
+    before: _ChainEnd | None = None
     box: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """x_min, y_min, x_max, y_max of its module."""
 
@@ -74,9 +74,9 @@ class _Taken:
 
     def __init__(self, solids: Sequence[BaseGeometry], origin: Pose) -> None:
         x, y, yaw = origin
-        shapes = [shapely.transform(one, lambda at: moved(at - (x, y), (0.0, 0.0, -yaw))) for one in solids]
+        shapes = [shapely.transform(solid, lambda at: moved(at - (x, y), (0.0, 0.0, -yaw))) for solid in solids]
         self._tree = shapely.STRtree(shapes)
-        self._cells = {cell for one in shapes for cell in _cells(one.bounds)}
+        self._cells = {cell for shape in shapes for cell in _cells(shape.bounds)}
 
     def meets(self, box: tuple[float, float, float, float]) -> bool:
         """Whether a solid is in a rectangle."""
@@ -105,7 +105,7 @@ def closing_chain(
     goal_quarter = round(turns) % 4
     ways = list(_ways(modules, start))
     taken = _Taken(solids, start.pose)
-    nodes = [_Node(0.0, 0.0, 0, 0.0)]
+    nodes = [_ChainEnd(0.0, 0.0, 0, 0.0)]
     queue = [(abs(goal_x) + abs(goal_y), 0)]
     done: set[tuple[int, int, int]] = set()
     miss: tuple[float, float] | None = None
@@ -119,7 +119,7 @@ def closing_chain(
             gap = (node.x - goal_x, node.y - goal_y)
             if math.hypot(*gap) < 0.5 * PORT_TOLERANCE:
                 return Chain(tuple(_placements(node, start.pose)))
-            miss = min(miss or gap, gap, key=lambda one: math.hypot(*one))
+            miss = min(miss or gap, gap, key=lambda offset: math.hypot(*offset))
         for way in ways:
             after = _after(node, way)
             if _is_free(after, taken):
@@ -132,8 +132,8 @@ def _ways(modules: Mapping[str, ModuleSpec], port: PlacedPort) -> Iterator[_Way]
     """Ways through the roads that fit to a port; a road that lies in the same way by both ports is there once."""
     seen: set[tuple[float, ...]] = set()
     for name, spec in sorted(modules.items()):
-        ends = [one for one in spec.ports.values() if not one.is_blind]
-        fitting = [one for one in ends if abs(one.width - port.width) <= PORT_TOLERANCE and one.lanes == port.lanes]
+        ends = [port_spec for port_spec in spec.ports.values() if not port_spec.is_blind]
+        fitting = [end for end in ends if abs(end.width - port.width) <= PORT_TOLERANCE and end.lanes == port.lanes]
         if spec.type != "road" or len(ends) != 2 or len(fitting) != 2:
             continue
         for entry, exit_ in (ends, reversed(ends)):
@@ -153,17 +153,17 @@ def _way(name: str, spec: ModuleSpec, entry: Port, exit_: Port) -> _Way:
     return _Way(name, (spec.length, spec.width), values[0], values[1], quarter % 4, values[2], values[3], out)
 
 
-def _after(node: _Node, way: _Way) -> _Node:
+def _after(node: _ChainEnd, way: _Way) -> _ChainEnd:
     dx, dy = _turned(way.exit_x, way.exit_y, node.quarter)
     mx, my = _turned(way.x, way.y, node.quarter)
     length, width = way.size if (node.quarter + way.quarter) % 2 == 0 else way.size[::-1]
     x, y, a, b = node.x + mx, node.y + my, 0.5 * length - GAP, 0.5 * width - GAP
     cost = node.cost + math.hypot(dx, dy) + PIECE_COST
     quarter = (node.quarter + way.exit_quarter) % 4
-    return _Node(node.x + dx, node.y + dy, quarter, cost, way, node, (x - a, y - b, x + a, y + b))
+    return _ChainEnd(node.x + dx, node.y + dy, quarter, cost, way, node, (x - a, y - b, x + a, y + b))
 
 
-def _is_free(node: _Node, taken: _Taken) -> bool:
+def _is_free(node: _ChainEnd, taken: _Taken) -> bool:
     x0, y0, x1, y1 = node.box
     before = node.before
     while before and before.way:
@@ -174,20 +174,21 @@ def _is_free(node: _Node, taken: _Taken) -> bool:
     return not taken.meets(node.box)
 
 
-def _placements(last: _Node, origin: Pose) -> Iterator[Placement]:
-    chain: list[_Node] = []
-    node: _Node | None = last
+def _placements(last: _ChainEnd, origin: Pose) -> Iterator[Placement]:
+    chain: list[_ChainEnd] = []
+    node: _ChainEnd | None = last
     while node and node.way:
         chain.append(node)
         node = node.before
-    for one in reversed(chain):
-        assert one.way
-        assert one.before
-        dx, dy = _turned(one.way.x, one.way.y, one.before.quarter)
-        x, y = moved(np.array([[one.before.x + dx, one.before.y + dy]]), origin)[0].tolist()
-        yaw = origin[2] + (one.before.quarter + one.way.quarter) * QUARTER
+    for node in reversed(chain):
+        way, before = node.way, node.before
+        assert way
+        assert before
+        dx, dy = _turned(way.x, way.y, before.quarter)
+        x, y = moved(np.array([[before.x + dx, before.y + dy]]), origin)[0].tolist()
+        yaw = origin[2] + (before.quarter + way.quarter) * QUARTER
         yaw_deg = round(math.degrees(math.remainder(yaw, 2.0 * math.pi)), 6)
-        yield Placement(module=one.way.module, x=round(x, 6), y=round(y, 6), yaw_deg=yaw_deg)
+        yield Placement(module=way.module, x=round(x, 6), y=round(y, 6), yaw_deg=yaw_deg)
 
 
 def _in_map(step: tuple[float, float], yaw: float) -> tuple[float, float]:

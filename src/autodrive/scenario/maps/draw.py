@@ -142,7 +142,7 @@ def _solids(map_: Map) -> Iterator[str]:
         )
         roof = outline.buffer(-PARAPET, join_style="mitre")
         yield f'<path d="{_d(roof)}" fill="#fff" fill-opacity=".22" fill-rule="evenodd"/>'
-    for box in sorted(map_.boxes, key=lambda one: one.position[2]):
+    for box in sorted(map_.boxes, key=lambda box: box.position[2]):
         yield _box(box)
 
 
@@ -177,8 +177,8 @@ def _lanes(map_: Map) -> Iterator[str]:
 
 
 def _ports(map_: Map) -> Iterator[str]:
-    for one in map_.modules:
-        for port in one.ports:
+    for module in map_.modules:
+        for port in module.ports:
             half = port.width / 2.0
             fill = "none" if port.is_blind else COLOURS["port"]
             yield (
@@ -220,8 +220,8 @@ def _kerb(map_: Map) -> BaseGeometry:
     """The kerb around the drivable area, without the open ends of roads."""
     open_ends = [
         rectangle((port.pose[0], port.pose[1], port.pose[2]), 2.0 * KERB_WIDTH, port.width + 3.0 * KERB_WIDTH)
-        for i, one in enumerate(map_.modules)
-        for port in one.ports
+        for i, module in enumerate(map_.modules)
+        for port in module.ports
         if not port.is_blind and (i, port.name) not in map_.joins
     ]
     return map_.drivable.buffer(KERB_WIDTH, join_style="mitre").difference(shapely.union_all(open_ends))

@@ -37,7 +37,7 @@ MARKING_LABELS: dict[MarkingKind, Label] = {
     "crossing": Label.CROSSING,
     "stop_line": Label.STOP_LINE,
 }
-"""In order of painting: where two overlap, the later one is visible."""
+"""Label of each kind of marking, in order of painting: where two overlap, the later one is visible."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Layer:
     """'lawn', 'pavement', 'kerb', 'bevel', 'road', 'track', 'paint' or 'plain_paint'."""
     label: Label
     polygons: NDArray[np.object_]
-    """They may overlap."""
+    """Areas of the layer, which may overlap."""
 
     @property
     def is_paint(self) -> bool:
@@ -68,18 +68,18 @@ def layers(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Layer]:
     """
     # without the precision of the polygon, which a copy in another process does not have: the bits are the same there
     road = _simplified(shapely.set_precision(map_.drivable, 0.0), tolerance)
-    found: list[tuple[str, Label, BaseGeometry]] = [("road" if map_.track is None else "track", Label.ROAD, road)]
+    areas: list[tuple[str, Label, BaseGeometry]] = [("road" if map_.track is None else "track", Label.ROAD, road)]
     if map_.track is not None and map_.track.barrier.kind == "duct":  # a duct leaves the floor below its sides visible
-        found += [("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))]
+        areas += [("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))]
     if not road.is_empty and map_.track is None:
         open_ends = _open_ends(map_)
         for name, width in (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH)):
             strip = _simplified(road.buffer(width, join_style="round"), 2.0 * tolerance)
-            found += [(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))]
+            areas += [(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))]
     # not `map_.lawn`: its edge along the road is not simplified
-    lawns = [one.footprint for one in map_.modules if one.module.spec.type == "terrain"]
+    lawns = [placed.footprint for placed in map_.modules if placed.module.spec.type == "terrain"]
     return [
-        *(Layer(name, label, shapely.get_parts(area)) for name, label, area in found),
+        *(Layer(name, label, shapely.get_parts(area)) for name, label, area in areas),
         Layer("lawn", Label.LAWN, np.array(lawns, dtype=object)),
     ]
 
@@ -123,8 +123,8 @@ def _open_ends(map_: Map) -> BaseGeometry:
     """Areas at the open ends of roads, which have no kerb."""
     width = KERB_WIDTH + PAVEMENT_WIDTH
     open_ends = []
-    for i, one in enumerate(map_.modules):
-        for port in one.ports:
+    for i, module in enumerate(map_.modules):
+        for port in module.ports:
             if not port.is_blind and (i, port.name) not in map_.joins:
                 x, y, yaw = port.pose
                 centre = (x + width * np.cos(yaw), y + width * np.sin(yaw), yaw)

@@ -88,12 +88,12 @@ class LaneGraph:
 
     def loops(self) -> tuple[tuple[int, ...], ...]:
         """The shortest loop through each lane, without duplicates, sorted by length."""
-        found: dict[frozenset[int], tuple[int, ...]] = {}
+        loops: dict[frozenset[int], tuple[int, ...]] = {}
         for lane in range(len(self.lanes)):
             loop = self.loop(lane)
             if loop:
-                found.setdefault(frozenset(loop), loop)
-        return tuple(sorted(found.values(), key=self.length))
+                loops.setdefault(frozenset(loop), loop)
+        return tuple(sorted(loops.values(), key=self.length))
 
     def length(self, route: tuple[int, ...]) -> float:
         """Length of a route [m]."""
@@ -132,7 +132,7 @@ def lane_graph(pieces: Sequence[Piece]) -> LaneGraph:
     starting: dict[Hashable, list[int]] = {}
     for lane, piece in enumerate(pieces):
         starting.setdefault(piece.start, []).append(lane)
-    return LaneGraph(tuple(Lane(one.name, one.points, tuple(starting.get(one.end, ()))) for one in pieces))
+    return LaneGraph(tuple(Lane(piece.name, piece.points, tuple(starting.get(piece.end, ()))) for piece in pieces))
 
 
 def lane_path(start: Pose, end: Pose) -> Floats:

@@ -14,11 +14,11 @@ from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import TrafficLightState
 
 MAX_PROGRAMS = 100
-"""Of a map or a scenario."""
+"""Most programs of a map or a scenario."""
 MAX_LIGHTS = 32
 """Traffic lights of a map."""
 MAX_DURATION = 1e4
-"""Of a part of a program [s]."""
+"""Longest part of a program [s]."""
 OFF, RED, YELLOW, GREEN = TrafficLightState
 
 
@@ -28,7 +28,7 @@ class LightPhase(Spec):
     green: tuple[str, ...] = ()
     """Names of groups; none: all have red."""
     duration: float = Field(ge=0.1, le=MAX_DURATION)
-    """Of the green light [s]; yellow and all-red follow."""
+    """Duration of the green light [s]; yellow and all-red follow."""
 
 
 class LightProgramSpec(Spec):
@@ -44,7 +44,7 @@ class LightProgramSpec(Spec):
     offset: float = Field(default=0.0, ge=-MAX_DURATION, le=MAX_DURATION)
     """Simulated time at which the first phase begins [s]; other offsets along a road make a green wave."""
     flashing: tuple[TimeOfDay, TimeOfDay] | None = None
-    """From which and to which time of day its lights flash yellow instead; left out: never."""
+    """Times of day from which and to which the lights flash yellow instead; left out: never."""
 
     @model_validator(mode="after")
     def _names_are_known(self) -> LightProgramSpec:
@@ -71,7 +71,9 @@ class LightProgramSpec(Spec):
 
     def without(self, names: set[str]) -> LightProgramSpec:
         """The program without these lights, which are no longer in the map."""
-        groups = {group: tuple(one for one in lights if one not in names) for group, lights in self.groups.items()}
+        groups = {
+            group: tuple(light for light in lights if light not in names) for group, lights in self.groups.items()
+        }
         return self.model_copy(update={"groups": groups})
 
 
@@ -85,7 +87,7 @@ class LightCycle:
     """Where in the cycle each state begins, ascending."""
     states: tuple[TrafficLightState, ...]
     flashing: tuple[float, float] | None
-    """See `LightProgramSpec.flashing`."""
+    """Times of day between which the light flashes, see `LightProgramSpec.flashing`."""
 
     def at(self, tick: int) -> tuple[TrafficLightState, int | None]:
         """The state at a tick, and the number of ticks until it changes; None: it never changes."""
@@ -130,8 +132,8 @@ def light_cycles(spec: LightProgramSpec, tick: float) -> dict[str, LightCycle]:
 def _changes(parts: list[tuple[int, TrafficLightState]], length: int) -> Iterator[tuple[int, TrafficLightState]]:
     """The parts that differ from the one before, in a cycle; the first one if all are equal."""
     ends = [start for start, _ in parts[1:]] + [length]
-    lasting = [one for one, end in zip(parts, ends, strict=True) if end > one[0]]
-    changes = [one for before, one in zip([lasting[-1], *lasting], lasting, strict=False) if one[1] != before[1]]
+    lasting = [part for part, end in zip(parts, ends, strict=True) if end > part[0]]
+    changes = [part for before, part in zip([lasting[-1], *lasting], lasting, strict=False) if part[1] != before[1]]
     yield from changes or lasting[:1]
 
 
@@ -139,7 +141,7 @@ def all_programs(
     of_map: Mapping[str, LightProgramSpec], of_scenario: Mapping[str, LightProgramSpec | None]
 ) -> dict[str, LightProgramSpec]:
     """The programs of a map, changed by those of a scenario."""
-    return {name: one for name, one in {**of_map, **of_scenario}.items() if one is not None}
+    return {name: program for name, program in {**of_map, **of_scenario}.items() if program is not None}
 
 
 def program_problems(programs: Mapping[str, LightProgramSpec], lights: list[str]) -> Iterator[tuple[str, str]]:

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from autodrive.base import specs
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Place
+from autodrive.base.specs import PlaceInFile
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
@@ -24,8 +24,8 @@ from autodrive.scenario.maps.light_programs import MAX_LIGHTS, LightProgramSpec,
 from autodrive.scenario.maps.module import MarkingKind, Module, compile_module, lane_end
 from autodrive.scenario.maps.placing import (
     OF_DRAFT,
-    MapProblem,
     PlacedModule,
+    PlacingProblem,
     PortId,
     Solid,
     blocked_lanes,
@@ -48,7 +48,7 @@ GRID = 1e-6
 
 
 MAX_EXTENT = 1000.0
-"""Of a map along x and y [m]."""
+"""Largest size of a map along x and y [m]."""
 RESERVED = ("ground", "world")
 """Names that the engine uses itself."""
 
@@ -101,9 +101,9 @@ class Map:
     light_programs: dict[str, LightProgramSpec] = field(default_factory=dict)
     """Programs of the traffic lights, by name."""
     stop_lines: tuple[StopLine, ...] = ()
-    """Those of traffic lights and stop signs."""
+    """Stop lines of traffic lights and stop signs."""
     give_way_lines: tuple[StopLine, ...] = ()
-    """Those of give-way signs."""
+    """Lines of give-way signs, at which drivers wait."""
     track: Track | None = None
     """The race track, if the map is one; its barriers are in `statics`."""
 
@@ -114,7 +114,7 @@ class Map:
 
     @property
     def light_poses(self) -> dict[str, Pose]:
-        """Their poses by name, in the same order."""
+        """Poses of the traffic lights by name, in the order of `traffic_lights`."""
         return {prop.name: prop.pose for prop in self.props if prop.kind == "traffic_light"}
 
 
@@ -136,7 +136,7 @@ def map_warnings(name: str | Path | MapSpec | TrackSpec) -> list[str]:
 
     described, lines = files.read_map(name)
     _, problems = compile_map(described)
-    return specs.joined([one.text for one in problems_of_draft(described, problems)], lines)
+    return specs.joined([problem.text for problem in problems_of_draft(described, problems)], lines)
 
 
 def load_module(name: str | Path) -> Module:
@@ -147,9 +147,9 @@ def load_module(name: str | Path) -> Module:
 
 
 @functools.lru_cache(maxsize=8)
-def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, ...]]:
+def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[PlacingProblem, ...]]:
     """The map without its faulty placements, None if its file is not valid; and what else is wrong."""
-    spec = described.found
+    spec = described.spec_or_none
     if isinstance(spec, TrackSpec):
         return track_map(Track.of(spec, described.name)), _faults(spec)
     placed, problems = place(described)
@@ -158,30 +158,35 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, 
     return map_, (*problems, *unjoined, *more)
 
 
-def _faults(spec: TrackSpec) -> tuple[MapProblem, ...]:
+def _faults(spec: TrackSpec) -> tuple[PlacingProblem, ...]:
     """What is wrong with a track by points."""
     if spec.width is None:
         return ()
     return tuple(
-        MapProblem(one.kind, Place("map", ("points", one.point)), f": {one.text}", at=(one.x, one.y))
-        for one in faults(np.array(spec.points), spec.width)
+        PlacingProblem(
+            fault.kind, PlaceInFile("map", ("points", fault.point)), f": {fault.text}", at=(fault.x, fault.y)
+        )
+        for fault in faults(np.array(spec.points), spec.width)
     )
 
 
-def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
+def problems_of_draft(described: DescribedMap, problems: Sequence[PlacingProblem]) -> list[PlacingProblem]:
     """What may be wrong because the map is being built."""
-    return [one for one in problems if described.is_draft and one.kind in OF_DRAFT]
+    return [problem for problem in problems if described.is_draft and problem.kind in OF_DRAFT]
 
 
 def problem_texts(
-    described: DescribedMap, problems: Sequence[MapProblem], *, has_name: bool = True
+    described: DescribedMap, problems: Sequence[PlacingProblem], *, has_name: bool = True
 ) -> list[specs.Problem]:
     """The messages of the errors of a file, and of what else is wrong; those begin with the name of the map."""
     of_file = described.error.errors if described.error else []
-    kind = "track" if isinstance(described.found, TrackSpec) else "map"
+    kind = "track" if isinstance(described.spec_or_none, TrackSpec) else "map"
     prefix = f"{kind} '{described.name}': " if has_name else ""
     allowed = problems_of_draft(described, problems)
-    return [*((text,) for text in of_file), *((prefix, *one.text) for one in problems if one not in allowed)]
+    return [
+        *((text,) for text in of_file),
+        *((prefix, *problem.text) for problem in problems if problem not in allowed),
+    ]
 
 
 def track_map(track: Track) -> Map:
@@ -220,19 +225,19 @@ def track_map(track: Track) -> Map:
 
 def _compiled(
     spec: MapSpec, name: str, placed: list[PlacedModule], joins: dict[PortId, PortId]
-) -> tuple[Map, list[MapProblem]]:
+) -> tuple[Map, list[PlacingProblem]]:
     statics, props, places = _statics(spec)
-    obstructions = [one for one in placed if one.module.spec.type == "obstruction"]
-    boxes = tuple(_box(one) for one in obstructions)
+    obstructions = [part for part in placed if part.module.spec.type == "obstruction"]
+    boxes = tuple(_box(obstruction) for obstruction in obstructions)
     bounds = _bounds(spec, placed, statics)
-    labels = [*places, *(one.label for one in obstructions)]
+    labels = [*places, *(obstruction.label for obstruction in obstructions)]
     problems = [*_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
     if spec.is_draft:  # a finished map may have such a barrier
-        problems += blocked_lanes(placed, [(label, one.plan) for label, one in zip(places, statics, strict=True)])
+        problems += blocked_lanes(placed, [(label, shape.plan) for label, shape in zip(places, statics, strict=True)])
     if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) > MAX_EXTENT:
         problems.append(_too_large(spec, placed, statics, places, bounds))
-    drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
-    lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
+    drivable = _united([*(module.drivable for module in placed), *(s.geometry() for s in spec.paved)])
+    lawns = [part.footprint for part in placed if part.module.spec.type == "terrain"]
     map_ = Map(
         name,
         spec.title,
@@ -262,18 +267,24 @@ def _too_large(
     spec: MapSpec,
     placed: list[PlacedModule],
     statics: tuple[StaticShape, ...],
-    places: list[Place],
+    places: list[PlaceInFile],
     bounds: tuple[float, float, float, float],
-) -> MapProblem:
+) -> PlacingProblem:
     """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
-    labels = [*(one.label for one in placed), *places, *(Place("map", ("paved", i)) for i in range(len(spec.paved)))]
+    labels = [
+        *(module.label for module in placed),
+        *places,
+        *(PlaceInFile("map", ("paved", i)) for i in range(len(spec.paved))),
+    ]
     low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
     size = f"{x1 - x0:.4g} m x {y1 - y0:.4g} m"
-    return MapProblem("extent", label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m")
+    return PlacingProblem(
+        "extent", label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
+    )
 
 
 def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
@@ -287,92 +298,98 @@ def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[MapProblem]:
+def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[PlacingProblem]:
     """Flat modules must not overlap each other; boxes must not overlap boxes or static shapes."""
-    flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
-    boxes = [one for one in placed if one.module.spec.type == "obstruction"]
+    flat = [part for part in placed if part.module.spec.type not in {"terrain", "obstruction"}]
+    boxes = [part for part in placed if part.module.spec.type == "obstruction"]
     solid: list[Solid] = [(box.label, box.footprint, box.placement.z, box.placement.z + box.size[2]) for box in boxes]
     for shape in statics if boxes else ():
         low, high = shape.span
         solid.append((f"'{shape.name}'", shape.plan, low, high))
     return [
-        *overlaps([(one.label, one.footprint, 0.0, 1.0) for one in flat], len(flat), "overlap"),
+        *overlaps([(module.label, module.footprint, 0.0, 1.0) for module in flat], len(flat), "overlap"),
         *overlaps(solid, len(boxes)),
     ]
 
 
-def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[Place]) -> list[MapProblem]:
+def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[PlaceInFile]) -> list[PlacingProblem]:
     """Solid objects are identified by name, so each name must be unique. `labels` say where they are."""
-    places: dict[str, list[Place]] = {}
+    places: dict[str, list[PlaceInFile]] = {}
     for solid, label in zip(solids, labels, strict=True):
         places.setdefault(solid.name, []).append(label)
     problems = [
-        MapProblem("name", places[name][0], f": the name '{name}' is reserved; choose another one")
+        PlacingProblem("name", places[name][0], f": the name '{name}' is reserved; choose another one")
         for name in RESERVED
         if name in places
     ]
     return problems + [
-        MapProblem("name", where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique")
+        PlacingProblem(
+            "name", where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique"
+        )
         for name, where in places.items()
         if len(where) > 1
     ]
 
 
-def _wrong_programs(spec: MapSpec, lights: list[str]) -> list[MapProblem]:
+def _wrong_programs(spec: MapSpec, lights: list[str]) -> list[PlacingProblem]:
     problems = [
-        MapProblem("name", Place("map", ("light_programs", name)), f": {text}")
+        PlacingProblem("name", PlaceInFile("map", ("light_programs", name)), f": {text}")
         for name, text in program_problems(spec.light_programs, lights)
     ]
     if len(lights) > MAX_LIGHTS:
         text = f": the map has {len(lights)} traffic lights; at most {MAX_LIGHTS} are possible"
-        problems.append(MapProblem("field", Place("map", ("props",)), text))
+        problems.append(PlacingProblem("field", PlaceInFile("map", ("props",)), text))
     return problems
 
 
-def _box(one: PlacedModule) -> BoxPlacement:
-    own = one.placement
-    mass = own.mass or one.module.spec.mass
+def _box(obstruction: PlacedModule) -> BoxPlacement:
+    own = obstruction.placement
+    mass = own.mass or obstruction.module.spec.mass
     assert mass is not None
-    return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + one.size[2] / 2.0), own.pose[2])
+    return BoxPlacement(
+        obstruction.name, obstruction.size, mass, (own.x, own.y, own.z + obstruction.size[2] / 2.0), own.pose[2]
+    )
 
 
-def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[Place]]:
+def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[PlaceInFile]]:
     """The fixed solids, the signs and lights, and where each of the solids is in the file."""
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
     solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
     solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
-    return tuple(shape for _, _, shape in solids), props, [Place("map", (key, i)) for key, i, _ in solids]
+    return tuple(shape for _, _, shape in solids), props, [PlaceInFile("map", (key, i)) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
     return tuple(
         Marking(kind, geometry)
-        for one in placed
-        for (kind, _), geometry in zip(one.module.markings, one.markings, strict=True)
+        for part in placed
+        for (kind, _), geometry in zip(part.module.markings, part.markings, strict=True)
     )
 
 
 def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
     bays = []
-    for one in placed:
-        x0, y0, yaw = one.placement.pose
-        for bay in one.module.spec.bays:
+    for part in placed:
+        x0, y0, yaw = part.placement.pose
+        for bay in part.module.spec.bays:
             x = x0 + math.cos(yaw) * bay.x - math.sin(yaw) * bay.y
             y = y0 + math.sin(yaw) * bay.x + math.cos(yaw) * bay.y
-            bays.append(ParkingBay(f"{one.name}.{bay.name}", (x, y, yaw + bay.yaw_deg * DEGREE), bay.length, bay.width))
+            bays.append(
+                ParkingBay(f"{part.name}.{bay.name}", (x, y, yaw + bay.yaw_deg * DEGREE), bay.length, bay.width)
+            )
     return tuple(bays)
 
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
-    """At a pair of connected ports, lanes that leave one port end where lanes that enter the other start."""
+    """The graph of the lanes: lanes that leave a port end where the lanes of the connected port start."""
     pieces: list[Piece] = []
-    for i, one in enumerate(placed):
-        for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
+    for i, part in enumerate(placed):
+        for (port_in, port_out), points in zip(part.module.spec.lanes, part.lanes, strict=True):
             (entry, in_), (exit_, out) = lane_end(port_in), lane_end(port_out)
             met = joins.get((i, exit_))
             end = ("in", met, out) if met else ("out", (i, exit_), out)
-            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, ("in", (i, entry), in_), end))
+            pieces.append(Piece(f"{part.name}:{port_in}>{port_out}", points, ("in", (i, entry), in_), end))
     return lane_graph(pieces)
 
 
@@ -388,5 +405,5 @@ def _bounds(
 
 def _contents(spec: MapSpec, placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> NDArray[np.object_]:
     """The outlines of all that was placed."""
-    outlines = [one.footprint for one in placed] + [shape.plan for shape in statics]
+    outlines = [module.footprint for module in placed] + [shape.plan for shape in statics]
     return np.array([*outlines, *(shape.geometry() for shape in spec.paved)], dtype=object)

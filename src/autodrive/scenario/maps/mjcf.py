@@ -27,8 +27,8 @@ of an impact back, depending on how deep the first substep finds it; with the ra
 """
 
 COLLISION = 'ccd_tolerance="1e-9" ccd_iterations="500"'
-"""For precise contacts of cylinders. With MuJoCo's own settings, and with its `multiccd`, wheels that graze each other
-are up to 79 mm deep in each other for one substep, and the cars fly apart."""
+"""Options for precise contacts of cylinders. With MuJoCo's own settings, and with its `multiccd`, wheels that graze
+each other are up to 79 mm deep in each other for one substep, and the cars fly apart."""
 
 UNUSED = " ".join(
     f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")

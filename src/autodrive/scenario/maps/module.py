@@ -68,7 +68,7 @@ class Port(Spec):
         return x - shift * math.sin(yaw), y + shift * math.cos(yaw), yaw
 
 
-class StopLine(Spec):
+class StopLineSpec(Spec):
     """A stop line across the lanes that enter at a port; `distance` [m] is from the port to the centre of the line."""
 
     port: str
@@ -105,7 +105,7 @@ class ModuleSpec(Spec):
     """Shapes whose union is drivable."""
     markings: dict[MarkingKind, Shapes] = Field(default_factory=dict)
     """Painted white."""
-    stop_lines: Annotated[tuple[StopLine, ...], Field(max_length=100)] = ()
+    stop_lines: Annotated[tuple[StopLineSpec, ...], Field(max_length=100)] = ()
     bays: Annotated[tuple[Bay, ...], Field(max_length=1000)] = ()
 
     @model_validator(mode="after")
@@ -199,7 +199,7 @@ def compile_module(described: Described[ModuleSpec]) -> Module:
     )
 
 
-def _stop_line(spec: ModuleSpec, line: StopLine) -> BaseGeometry:
+def _stop_line(spec: ModuleSpec, line: StopLineSpec) -> BaseGeometry:
     port = spec.ports[line.port]
     x, y, yaw = port.line_in()
     centre = (x + line.distance * math.cos(yaw), y + line.distance * math.sin(yaw), yaw)

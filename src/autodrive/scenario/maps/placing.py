@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.base.arrays import Floats
-from autodrive.base.specs import MAX_ERRORS, Place, Problem
+from autodrive.base.specs import MAX_ERRORS, PlaceInFile, Problem
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.module import Module, compile_module
 from autodrive.scenario.maps.shapes import Pose, moved, rectangle
@@ -26,7 +26,7 @@ HEADING_TOLERANCE = 0.1 * DEGREE
 REACH = 0.3
 """Ports nearer than this (half a road width) must be connected; otherwise it is an error [m]."""
 MAX_CORNERS = 200_000
-"""Of the polygons and lanes of all placed modules."""
+"""Most corners of the polygons and lanes of all placed modules."""
 MAX_PAIRS = 10_000
 """Pairs of touching solids that are checked for an overlap."""
 SLIVER = 1e-5
@@ -34,7 +34,7 @@ SLIVER = 1e-5
 
 PortId: TypeAlias = tuple[int, str]
 """Index of the placed module, name of the port."""
-Solid: TypeAlias = tuple[Place | str, BaseGeometry, float, float]
+Solid: TypeAlias = tuple[PlaceInFile | str, BaseGeometry, float, float]
 """Label, footprint, bottom and top [m]."""
 
 
@@ -56,17 +56,17 @@ class PlacedPort:
 class PlacedModule:
     """A placed module: its parts in the map frame [m]."""
 
-    label: Place
-    """For error messages: "placement 4 'curved_road'"."""
+    label: PlaceInFile
+    """Title in error messages: "placement 4 'curved_road'"."""
     name: str
     module: Module
     placement: Placement
     footprint: shapely.Polygon
     drivable: BaseGeometry
     markings: tuple[BaseGeometry, ...]
-    """As in the module."""
+    """Markings of the module, moved to the place."""
     lanes: tuple[Floats, ...]
-    """As in the module."""
+    """Lanes of the module, moved to the place."""
     ports: tuple[PlacedPort, ...]
 
     @property
@@ -93,9 +93,9 @@ ProblemKind: TypeAlias = Literal[
     "touch",
     "narrow",
 ]
-"""Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
-roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or sign stands on a lane.
-Of a track by points: see `points.Fault`."""
+"""Kinds of problems. A file that cannot be read: 'module'. Too large: 'corners', 'extent'. Ports: 'unconnected',
+'apart', 'turned', 'width'. 'overlap': roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or
+sign stands on a lane. For the kinds of a track by points see `points.Fault`."""
 
 
 OF_DRAFT: frozenset[ProblemKind] = frozenset(
@@ -105,16 +105,16 @@ OF_DRAFT: frozenset[ProblemKind] = frozenset(
 
 
 @dataclass(frozen=True)
-class MapProblem:
+class PlacingProblem:
     """What is wrong with a map; `text` follows from the other values."""
 
     kind: ProblemKind
-    part: Place | str
+    part: PlaceInFile | str
     """The placement, wall, block or sign."""
     detail: str = ""
     """The end of the text, if it does not follow from the values below."""
     port: PlacedPort | None = None
-    other: Place | str = ""
+    other: PlaceInFile | str = ""
     """The second part of two."""
     other_port: PlacedPort | None = None
     dx: float = 0.0
@@ -122,7 +122,7 @@ class MapProblem:
     dy: float = 0.0
     turn: float = 0.0
     area: float = 0.0
-    """Of an overlap [m^2]."""
+    """Area of an overlap [m^2]."""
     at: tuple[float, float] | None = None
     """Where a lane is blocked, or the fault of a track [m]."""
 
@@ -155,42 +155,42 @@ class MapProblem:
         return f"are not equally wide: {first.width:.4g} m and {second.width:.4g} m"
 
 
-def place(described: DescribedMap) -> tuple[list[PlacedModule], list[MapProblem]]:
+def place(described: DescribedMap) -> tuple[list[PlacedModule], list[PlacingProblem]]:
     """The placed modules, and a problem for each module, port and field that is not valid."""
     placed: list[PlacedModule] = []
-    problems: list[MapProblem] = []
+    problems: list[PlacingProblem] = []
     names: set[str] = set()
     corners = 0
     for number, placement in described.placements:
         title = f"placement {number} '{placement.name or placement.module}'"
-        label = Place("map", ("placements", number - 1), title)
-        of = described.modules[placement.module]
-        if of.found is None:
-            problems.append(MapProblem("module", label, f": {of.error}"))
+        label = PlaceInFile("map", ("placements", number - 1), title)
+        described_module = described.modules[placement.module]
+        if described_module.spec_or_none is None:
+            problems.append(PlacingProblem("module", label, f": {described_module.error}"))
             continue
-        module = compile_module(of)
+        module = compile_module(described_module)
         corners += module.corners
         if corners > MAX_CORNERS:
             text = f": the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible"
-            problems.append(MapProblem("corners", label, text))
+            problems.append(PlacingProblem("corners", label, text))
             break
-        problems += [MapProblem("field", label, f": {text}") for text in _disallowed_fields(placement, module)]
+        problems += [PlacingProblem("field", label, f": {text}") for text in _disallowed_fields(placement, module)]
         name = placement.name or f"{module.name}_{number}"
         if name in names:
-            problems.append(MapProblem("name", label, f": the name '{name}' is already used; names must be unique"))
+            problems.append(PlacingProblem("name", label, f": the name '{name}' is already used; names must be unique"))
         names.add(name)
         placed.append(_placed(label, name, module, placement))
     return placed, problems
 
 
-def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[PortId, PortId], list[MapProblem]]:
+def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[PortId, PortId], list[PlacingProblem]]:
     """The connected ports (in both directions), and a problem for each port that is unconnected or does not match.
 
     If some placements are not valid (`is_complete` False), unconnected ports are no problem.
     """
-    ports = [(i, port) for i, one in enumerate(placed) for port in one.ports if not port.is_blind]
+    ports = [(i, port) for i, module in enumerate(placed) for port in module.ports if not port.is_blind]
     joins: dict[PortId, PortId] = {}
-    problems: list[MapProblem] = []
+    problems: list[PlacingProblem] = []
     if not ports:
         return joins, problems
     at = np.array([port.pose[:2] for _, port in ports])
@@ -201,7 +201,7 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[Por
         j, other = ports[nearest]
         if distance[nearest] > REACH:
             if is_complete and not port.is_open:
-                problems.append(MapProblem("unconnected", placed[i].label, port=port))
+                problems.append(PlacingProblem("unconnected", placed[i].label, port=port))
             continue
         mismatch = _mismatch(placed[i].label, port, placed[j].label, other)
         if not mismatch:
@@ -211,7 +211,7 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[Por
     return joins, problems
 
 
-def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids") -> list[MapProblem]:
+def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids") -> list[PlacingProblem]:
     """A problem of that kind for each pair of solids that overlap.
 
     At least one of a pair is among the first `movable` solids: the others may overlap each other.
@@ -226,29 +226,31 @@ def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids"
     common = np.minimum(span[first, 1], span[second, 1]) - np.maximum(span[first, 0], span[second, 0])
     is_error = (area > SLIVER) & (common > PORT_TOLERANCE)
     problems = [
-        MapProblem(kind, solids[i][0], other=solids[j][0], area=float(a))
+        PlacingProblem(kind, solids[i][0], other=solids[j][0], area=float(a))
         for i, j, a in sorted(zip(first[is_error], second[is_error], area[is_error], strict=True))
     ]
     more = len(problems) - MAX_ERRORS
-    return [*problems[:MAX_ERRORS], MapProblem(kind, "", f"and {more} more overlaps")] if more > 0 else problems
+    return [*problems[:MAX_ERRORS], PlacingProblem(kind, "", f"and {more} more overlaps")] if more > 0 else problems
 
 
-def blocked_lanes(placed: Sequence[PlacedModule], solids: Sequence[tuple[Place, BaseGeometry]]) -> list[MapProblem]:
+def blocked_lanes(
+    placed: Sequence[PlacedModule], solids: Sequence[tuple[PlaceInFile, BaseGeometry]]
+) -> list[PlacingProblem]:
     """A problem for each solid that stands on a lane, and each module whose lane that is."""
-    lanes = [(one, shapely.LineString(line)) for one in placed for line in one.lanes]
+    lanes = [(module, shapely.LineString(line)) for module in placed for line in module.lanes]
     if not lanes or not solids:
         return []
     tree = shapely.STRtree([plan for _, plan in solids])
-    found: dict[tuple[Place, Place], MapProblem] = {}
+    problems: dict[tuple[PlaceInFile, PlaceInFile], PlacingProblem] = {}
     for i, k in tree.query([line for _, line in lanes], predicate="intersects").T[:MAX_PAIRS]:
         (module, line), (part, plan) = lanes[i], solids[k]
         middle = line.intersection(plan).centroid
-        problem = MapProblem("blocked", part, other=module.label, at=(middle.x, middle.y))
-        found.setdefault((part, module.label), problem)
-    return [*found.values()][:MAX_ERRORS]
+        problem = PlacingProblem("blocked", part, other=module.label, at=(middle.x, middle.y))
+        problems.setdefault((part, module.label), problem)
+    return [*problems.values()][:MAX_ERRORS]
 
 
-def _placed(label: Place, name: str, module: Module, placement: Placement) -> PlacedModule:
+def _placed(label: PlaceInFile, name: str, module: Module, placement: Placement) -> PlacedModule:
     pose, spec = placement.pose, module.spec
     opened = set(spec.ports) if placement.open is True else set(placement.open or ())
     shapes = shapely.transform(
@@ -274,10 +276,10 @@ def _placed(label: Place, name: str, module: Module, placement: Placement) -> Pl
 
 def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
     errors = []
-    given = placement.model_fields_set
+    given_fields = placement.model_fields_set
     allowed = {"terrain": {"length", "width"}, "obstruction": {"length", "width", "height", "z", "mass"}}
     for field in ("length", "width", "height", "z", "mass"):
-        if field in given and field not in allowed.get(module.spec.type, set()):
+        if field in given_fields and field not in allowed.get(module.spec.type, set()):
             errors.append(f"{field} cannot be set for {module.name}, which is {_with_article(module.spec.type)}")
     for port in placement.open if isinstance(placement.open, tuple) else ():
         if port not in module.spec.ports:
@@ -286,16 +288,16 @@ def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
     return errors
 
 
-def _mismatch(part: Place, a: PlacedPort, other: Place, b: PlacedPort) -> MapProblem | None:
+def _mismatch(part: PlaceInFile, a: PlacedPort, other: PlaceInFile, b: PlacedPort) -> PlacingProblem | None:
     """The problem of two ports that should be connected; None if they match."""
-    found = functools.partial(MapProblem, part=part, port=a, other=other, other_port=b)
+    problem = functools.partial(PlacingProblem, part=part, port=a, other=other, other_port=b)
     dx, dy = a.pose[0] - b.pose[0], a.pose[1] - b.pose[1]
     if math.hypot(dx, dy) > PORT_TOLERANCE:
-        return found("apart", dx=dx, dy=dy)
+        return problem("apart", dx=dx, dy=dy)
     turn = -math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
-        return found("turned", turn=turn)
-    return found("width") if abs(a.width - b.width) > PORT_TOLERANCE or a.lanes != b.lanes else None
+        return problem("turned", turn=turn)
+    return problem("width") if abs(a.width - b.width) > PORT_TOLERANCE or a.lanes != b.lanes else None
 
 
 def _fix(port: PlacedPort) -> str:

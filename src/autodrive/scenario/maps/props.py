@@ -43,7 +43,7 @@ class PlatePart:
     width: float
     height: float
     tilt: float = 0.0
-    """As of a `StaticShape` [rad]."""
+    """Turn about the x axis [rad], before the yaw, as for a `StaticShape`."""
 
 
 def _octagon(apothem: float) -> tuple[PlatePart, ...]:

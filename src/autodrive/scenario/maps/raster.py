@@ -96,11 +96,12 @@ def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
     """`Label` of each cell seen from above; rows and cells as in `occupancy`."""
     x, y = _middles(map_, resolution)
     seen = np.full(x.shape, Label.GROUND, np.uint8)
-    of_ground = [(one.label, one.polygons) for one in reversed(layers(map_, tolerance=0.0))]
+    of_ground = [(layer.label, layer.polygons) for layer in reversed(layers(map_, tolerance=0.0))]
     solids = [(SOLID_LABELS[shape.material], [outline(shape)]) for shape in map_.statics]
     solids += [(Label.BOX, [box.plan]) for box in map_.boxes]
     paint = [
-        (label, [one.geometry for one in map_.markings if one.kind == kind]) for kind, label in MARKING_LABELS.items()
+        (label, [marking.geometry for marking in map_.markings if marking.kind == kind])
+        for kind, label in MARKING_LABELS.items()
     ]
     on_road = _within(map_.drivable, x, y)
     for label, polygons in of_ground:

@@ -103,13 +103,13 @@ def roads(map_: Map, clearance: float) -> Roads:
     lines = {i: shapely.LineString(graph.lanes[i].points) for i in kept}
     pairs = _conflicts(graph, lines, clearance)
     lines_of_signs = [*map_.stop_lines, *map_.give_way_lines]
-    stops = {i: found for i in kept if (found := _stop(graph.lanes[i].points, lines_of_signs))}
+    stops = {i: line for i in kept if (line := _stop(graph.lanes[i].points, lines_of_signs))}
     gates = {i for pair in pairs for i in pair} | set(stops)
     chains = [[i] for i in sorted(gates)] + list(_chains(next_of, gates))
     link_of = {lane: k for k, chain in enumerate(chains) for lane in chain}
     points = [_resampled(graph.path(tuple(chain))) for chain in chains]
-    spacing = np.array([_steps(one)[0] for one in points])
-    length = np.array([(len(one) - 1) * step for one, step in zip(points, spacing.tolist(), strict=True)])
+    spacing = np.array([_steps(line)[0] for line in points])
+    length = np.array([(len(line) - 1) * step for line, step in zip(points, spacing.tolist(), strict=True)])
     minor = {i for i, (_, line) in stops.items() if line.kind in ("stop", "give_way")}
     turn = {i: _turn(graph.lanes[i].points) for i in gates}
     rivals: list[list[tuple[int, float, int]]] = [[] for _ in chains]
@@ -120,24 +120,24 @@ def roads(map_: Map, clearance: float) -> Roads:
             rivals[first].append((second, end, _yields(graph, minor, turn, i, k)))
     lights = {name: k for k, name in enumerate(map_.traffic_lights)}
     turns = [turn.get(chain[0], 0.0) for chain in chains]
-    its_stop = [stops.get(chain[0]) for chain in chains]
+    stop_of = [stops.get(chain[0]) for chain in chains]
     return Roads(
-        point_first=_firsts([len(one) for one in points]),
-        points=np.vstack([_with_directions(one) for one in points]) if points else np.empty((0, 4)),
+        point_first=_firsts([len(line) for line in points]),
+        points=np.vstack([_with_directions(line) for line in points]) if points else np.empty((0, 4)),
         spacing=spacing,
         length=length,
         successor_first=_firsts([len(next_of[chain[-1]]) for chain in chains]),
         successor=_integers([link_of[k] for chain in chains for k in next_of[chain[-1]]]),
         is_gate=_integers([int(chain[0] in gates) for chain in chains]),
-        stop_at=np.array([stop[0] if stop else 0.0 for stop in its_stop]),
+        stop_at=np.array([stop[0] if stop else 0.0 for stop in stop_of]),
         turn=_integers([int(angle > STRAIGHT) - int(angle < -STRAIGHT) for angle in turns]),
-        light=_integers([lights.get(stop[1].prop, -1) if stop else -1 for stop in its_stop]),
-        is_stop=_integers([int(stop is not None and stop[1].kind == "stop") for stop in its_stop]),
+        light=_integers([lights.get(stop[1].prop, -1) if stop else -1 for stop in stop_of]),
+        is_stop=_integers([int(stop is not None and stop[1].kind == "stop") for stop in stop_of]),
         critical_gap=np.array([_critical_gap(chain[0] in minor, t) for chain, t in zip(chains, turns, strict=True)]),
-        conflict_first=_firsts([len(one) for one in rivals]),
-        conflict=_integers([other for one in rivals for other, _, _ in one]),
-        conflict_end=np.array([end for one in rivals for _, end, _ in one]),
-        yields=_integers([order for one in rivals for _, _, order in one]),
+        conflict_first=_firsts([len(conflicts) for conflicts in rivals]),
+        conflict=_integers([other for conflicts in rivals for other, _, _ in conflicts]),
+        conflict_end=np.array([end for conflicts in rivals for _, end, _ in conflicts]),
+        yields=_integers([order for conflicts in rivals for _, _, order in conflicts]),
     )
 
 
@@ -152,9 +152,11 @@ def _without_ends(graph: LaneGraph) -> set[int]:
 def _conflicts(graph: LaneGraph, lines: dict[int, shapely.LineString], clearance: float) -> list[tuple[int, int]]:
     """Pairs of lanes of a module that cross or join; those that begin together do not."""
     lanes, shapes = list(lines), np.array(list(lines.values()), dtype=object)
-    found = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=clearance).T.tolist()
+    close_pairs = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=clearance).T.tolist()
     module = {i: graph.lanes[i].name.rpartition(":")[0] for i in lanes}
-    pairs = [(lanes[a], lanes[b]) for a, b in found if lanes[a] < lanes[b] and module[lanes[a]] == module[lanes[b]]]
+    pairs = [
+        (lanes[a], lanes[b]) for a, b in close_pairs if lanes[a] < lanes[b] and module[lanes[a]] == module[lanes[b]]
+    ]
     return [(i, k) for i, k in sorted(pairs) if math.dist(lines[i].coords[0], lines[k].coords[0]) > SPACING]
 
 
@@ -197,10 +199,10 @@ def _chains(next_of: dict[int, list[int]], gates: set[int]) -> Iterator[list[int
 
 
 def _yields(graph: LaneGraph, minor: set[int], turn: dict[int, float], i: int, k: int) -> int:
-    """See `Roads.yields`: a stop or give-way sign; else a left turn gives way to who comes from the other side."""
+    """Who gives way, see `Roads.yields`: by a stop or give-way sign; else who turns left across oncoming traffic."""
     if (i in minor) != (k in minor):
         return 1 if i in minor else -1
-    first, second = (graph.lanes[one].points[1] - graph.lanes[one].points[0] for one in (i, k))
+    first, second = (graph.lanes[lane].points[1] - graph.lanes[lane].points[0] for lane in (i, k))
     is_opposite = first @ second < -0.7 * math.hypot(*first) * math.hypot(*second)
     is_left = turn[i] > STRAIGHT, turn[k] > STRAIGHT
     return int(is_left[0]) - int(is_left[1]) if is_opposite else 0

@@ -22,7 +22,7 @@ Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 
 MAX_CORNERS = 10_000
-"""Of all shapes of a list; each dash has four."""
+"""Most corners of all shapes of a list; each dash has four."""
 CHORD_ERROR = 1e-4
 """Largest distance between a polygon and its arc [m]: a hundredth of the width of a painted line."""
 

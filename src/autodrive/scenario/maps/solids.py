@@ -23,7 +23,7 @@ from autodrive.base.transforms import (
 )
 from autodrive.base.units import DEGREE
 from autodrive.physics.grid import fixed_grid
-from autodrive.physics.model import BOX, Shapes
+from autodrive.physics.model import BOX, ShapeTable
 from autodrive.scenario.maps.shapes import Point, is_simple, rectangle
 
 
@@ -64,7 +64,7 @@ class StaticShape:
     kind: int
     """`BOX` or `CYLINDER` of `autodrive.physics.model`."""
     size: tuple[float, float, float]
-    """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.Shapes`."""
+    """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.ShapeTable`."""
     position: tuple[float, float, float]
     """Centre in the map frame [m]."""
     yaw: float
@@ -72,7 +72,7 @@ class StaticShape:
     material: str
     """'wall', 'duct', 'block', 'post', 'plate' or 'housing'."""
     tilt: float = 0.0
-    """Of a box: by how much it is turned about its x axis [rad], before its yaw."""
+    """Angle by which a box is turned about its x axis [rad], before its yaw."""
 
     @property
     def orientation(self) -> Quaternion:
@@ -126,16 +126,16 @@ class BoxPlacement:
         return self.position[2] - self.size[2] / 2.0, self.position[2] + self.size[2] / 2.0
 
 
-def fixed_shapes(statics: Sequence[StaticShape]) -> Shapes:
+def fixed_shapes(statics: Sequence[StaticShape]) -> ShapeTable:
     """The part of `Model.shapes` that never moves."""
     n = len(statics)
     none = np.full(n, -1)
-    kind = np.array([one.kind for one in statics], dtype=np.int64)
-    size = np.array([one.size for one in statics], dtype=np.float64).reshape(n, 3)
-    position = np.array([one.position for one in statics], dtype=np.float64).reshape(n, 3)
-    rotations = [rotation_from_quaternion(one.orientation) for one in statics]
+    kind = np.array([shape.kind for shape in statics], dtype=np.int64)
+    size = np.array([shape.size for shape in statics], dtype=np.float64).reshape(n, 3)
+    position = np.array([shape.position for shape in statics], dtype=np.float64).reshape(n, 3)
+    rotations = [rotation_from_quaternion(shape.orientation) for shape in statics]
     rotation = np.array(rotations, dtype=np.float64).reshape(n, 9)
-    return Shapes(
+    return ShapeTable(
         kind=kind,
         size=size,
         bounding_radius=np.sqrt((size * size).sum(axis=1)),

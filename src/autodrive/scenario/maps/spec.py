@@ -19,7 +19,7 @@ from autodrive.scenario.tracks.track import TrackSpec
 
 MAX_PLACEMENTS = 1000
 MAX_STATICS = 2000
-"""Of the points of walls, the blocks and the parts (two each) of signs and traffic lights of a map."""
+"""Most solids of a map: points of walls, blocks, and parts (two each) of signs and traffic lights."""
 
 
 class Placement(Spec):
@@ -99,9 +99,9 @@ class DescribedMap(Described[MapSpec | TrackSpec]):
     placements: tuple[tuple[int, Placement], ...] = ()
     """Numbers, from 1, and Specs: all, or the valid ones of a file that is not valid."""
     modules: Mapping[str, Described[ModuleSpec]] = field(default_factory=dict)
-    """By name in the placements."""
+    """Files of the modules, by name in the placements."""
 
     @property
     def is_draft(self) -> bool:
         """Whether it is being built."""
-        return self.found is not None and self.found.is_draft
+        return self.spec_or_none is not None and self.spec_or_none.is_draft

@@ -29,20 +29,20 @@ class StopLine:
     """Name of the traffic light or sign."""
     kind: LineKind
     pose: Pose
-    """Its middle [m] and the heading of a driver who crosses it [rad]."""
+    """Middle of the line [m] and the heading of a driver who crosses it [rad]."""
     width: float
     """Across the road [m]."""
 
 
 def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop], *kinds: LineKind) -> Iterator[StopLine]:
-    """For each traffic light or sign of these kinds, the stop line that it faces.
+    """The stop line that each traffic light or sign of these kinds faces.
 
     Of the lines that drivers cross with the light or sign before them, it is the nearest one of a module that is not
     farther away than half the module's size. A light or sign without such a line belongs to none.
     """
     lines = list(_lines(placed))
     for prop in props:
-        kind: LineKind | None = next((one for one in kinds if one == prop.kind), None)
+        kind: LineKind | None = next((line_kind for line_kind in kinds if line_kind == prop.kind), None)
         if kind is None:
             continue
         x, y, yaw = prop.pose
@@ -61,11 +61,11 @@ def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop], *kinds: Li
 
 def _lines(placed: Sequence[PlacedModule]) -> Iterator[tuple[PlacedModule, Pose, float]]:
     """Module, pose and width of each stop line."""
-    for one in placed:
-        x0, y0, turn = one.placement.pose
-        for line in one.module.spec.stop_lines:
-            port = one.module.spec.ports[line.port]
+    for part in placed:
+        x0, y0, turn = part.placement.pose
+        for line in part.module.spec.stop_lines:
+            port = part.module.spec.ports[line.port]
             x, y, yaw = port.line_in()
             x, y = x + line.distance * math.cos(yaw), y + line.distance * math.sin(yaw)
             x, y = x0 + math.cos(turn) * x - math.sin(turn) * y, y0 + math.sin(turn) * x + math.cos(turn) * y
-            yield one, (x, y, math.remainder(yaw + turn, 2.0 * math.pi)), port.width / 2.0
+            yield part, (x, y, math.remainder(yaw + turn, 2.0 * math.pi)), port.width / 2.0

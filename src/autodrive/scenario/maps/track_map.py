@@ -22,9 +22,10 @@ from autodrive.scenario.tracks.track import BarrierSpec, Track
 OVERLAP = 0.001
 """Pieces are longer by this at both ends [m], so that no ray passes between two of them."""
 THINNEST = 0.005
-"""Of a wall with another face behind it [m]: at the tip of a spike the square end of a piece stands out so far."""
+"""Least thickness of a wall with another face behind it [m]: at the tip of a spike the square end of a piece stands out
+so far."""
 START_LINE_WIDTH = 0.06
-"""Of the painted line [m]."""
+"""Width of the painted start line [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +42,17 @@ class Barrier:
 
 def barriers(track: Track) -> list[Barrier]:
     """All barriers of a track, without the gaps between ducts."""
-    found: list[Barrier] = []
+    all_barriers: list[Barrier] = []
     for number, face in enumerate(track.walls, 1):
         closed = np.vstack([face, face[:1]])
         lines = [closed] if track.barrier.length is None else list(_ducts(closed, track.barrier))
         for k, line in enumerate(lines, 1):
             name = f"wall_{number}" if len(lines) == 1 else f"wall_{number}_{k}"
             depth = np.full(len(line) - 1, track.barrier.width)
-            found.append(Barrier(name, line, depth, track.barrier.length is None))
-    if found:
-        _make_thinner(found)
-    return found
+            all_barriers.append(Barrier(name, line, depth, track.barrier.length is None))
+    if all_barriers:
+        _make_thinner(all_barriers)
+    return all_barriers
 
 
 def pieces(all_barriers: list[Barrier], spec: BarrierSpec) -> Iterator[StaticShape]:
@@ -99,11 +100,11 @@ def _ducts(face: Floats, spec: BarrierSpec) -> Iterator[Floats]:
         yield np.column_stack([np.interp(at, along, face[:, axis]) for axis in range(2)])
 
 
-def _make_thinner(found: list[Barrier]) -> None:
+def _make_thinner(barriers: list[Barrier]) -> None:
     """Makes barriers thinner until no other face is behind them."""
-    first = np.vstack([one.points[:-1] for one in found])
-    step = np.vstack([np.diff(one.points, axis=0) for one in found])
-    depth = np.concatenate([one.depth for one in found])
+    first = np.vstack([barrier.points[:-1] for barrier in barriers])
+    step = np.vstack([np.diff(barrier.points, axis=0) for barrier in barriers])
+    depth = np.concatenate([barrier.depth for barrier in barriers])
     length = np.sqrt(np.sum(step * step, axis=1))[:, None]
     ahead = step / length
     back = np.column_stack([ahead[:, 1], -ahead[:, 0]])
@@ -119,6 +120,6 @@ def _make_thinner(found: list[Barrier]) -> None:
         todo = todo[np.unique(behind)]
         todo = todo[depth[todo] > THINNEST]
         depth[todo] *= 0.8
-    starts = np.cumsum([0, *(len(one.depth) for one in found)])
-    for one, start in zip(found, starts, strict=False):
-        one.depth[:] = depth[start : start + len(one.depth)]
+    starts = np.cumsum([0, *(len(barrier.depth) for barrier in barriers)])
+    for barrier, start in zip(barriers, starts, strict=False):
+        barrier.depth[:] = depth[start : start + len(barrier.depth)]

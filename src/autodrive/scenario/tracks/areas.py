@@ -20,7 +20,7 @@ CLOSED = 0.1, 0.2, 0.4
 SUGGESTED = 0.8, 1.6
 """Openings that are narrower are closed only on request [m]."""
 MAX_POINTS = 60_000
-"""On the lines around all areas; in a larger map, openings are closed only on request, because it takes seconds."""
+"""Most points of the lines around all areas. In a larger map, openings are closed only on request: it takes seconds."""
 NARROW = 0.35
 """A narrower ring is the inside of a wall whose two sides are drawn as lines [m]."""
 SPECK = 0.05
@@ -36,7 +36,7 @@ PENALTY = 0.1
 DARK = 0.03
 """The surroundings have a grey of their own if their occupancy is greater."""
 MAX_RINGS = 40
-"""Those that are around most are compared."""
+"""Most rings that are compared: those that are around most."""
 SAMPLES = 200
 """Places on a wall where its distance to the other one is measured."""
 MAX_NAMED = 3
@@ -79,12 +79,12 @@ class Area:
     def walls(self) -> tuple[float, float]:
         """Median of the distance between the outer line and the hole [m], and the share by which it varies."""
         places = np.arange(SAMPLES) / SAMPLES
-        found = []
+        middles = []
         for line, other in ((self.polygon.exterior, self.hole), (self.hole, self.polygon.exterior)):
             away = shapely.distance(other, shapely.line_interpolate_point(line, places, normalized=True))
             low, middle, high = np.percentile(away, (10, 50, 90)).tolist()
-            found.append((middle * self.ros_map.spec.resolution, (high - low) / middle))
-        (outer, outer_share), (inner, inner_share) = found
+            middles.append((middle * self.ros_map.spec.resolution, (high - low) / middle))
+        (outer, outer_share), (inner, inner_share) = middles
         return (outer + inner) / 2.0, (outer_share + inner_share) / 2.0
 
     @cached_property
@@ -127,7 +127,7 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
     is_line = known is not None and known.geom_type != "Point"
     point = None if known is None else shapely.Point(shapely.get_coordinates(known)[0])
     levels = [(level, areas_of(contours(ros_map.occupancy, level.value))) for level in _levels(ros_map)]
-    found: list[Area] = []
+    areas: list[Area] = []
     rings: list[Area] = []
     ranked: list[Area] = []
     count = sum(int(shapely.get_num_coordinates(polygons).sum()) for _, polygons in levels)
@@ -135,9 +135,9 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
     for step, closed in enumerate([gap, *(width for width in wider if width > gap)]):
         for number, (level, polygons) in enumerate(levels):
             parts = _parts(polygons, closed / ros_map.spec.resolution)
-            found += [Area(part, ros_map, level, closed, PENALTY * (number + step)) for part in parts]
-        rings = sorted((area for area in found if area.surrounded), key=lambda area: -area.surrounded)[:MAX_RINGS]
-        wanted = rings if point is None else [area for area in found if area.polygon.contains(point)]
+            areas += [Area(part, ros_map, level, closed, PENALTY * (number + step)) for part in parts]
+        rings = sorted((area for area in areas if area.surrounded), key=lambda area: -area.surrounded)[:MAX_RINGS]
+        wanted = rings if point is None else [area for area in areas if area.polygon.contains(point)]
         ranked = sorted(wanted, key=lambda area: (is_line and not area.polygon.contains(known), *_doubt(area, rings)))
         if ranked and not any(_doubt(ranked[0], rings)[:2]) and ranked[0].variation < VARIATION:
             break
@@ -155,17 +155,17 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
 
 
 def _levels(ros_map: RosMap) -> list[Level]:
-    """In the order in which they are preferred."""
+    """Occupancies above which a pixel may belong to a wall, in the order in which they are preferred."""
     spec, image = ros_map.spec, ros_map.occupancy
-    found = [Level(spec.occupied_thresh, "")]
+    levels = [Level(spec.occupied_thresh, "")]
     if ((image > spec.free_thresh) & (image <= spec.occupied_thresh)).any():
-        found.append(Level(spec.free_thresh, "the walls have openings to unknown pixels: the track ends there"))
+        levels.append(Level(spec.free_thresh, "the walls have openings to unknown pixels: the track ends there"))
     border = float(np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])))
-    if DARK < border <= found[-1].value:
+    if DARK < border <= levels[-1].value:
         grey = round(255.0 * (border if spec.negate else 1.0 - border))
         text = f"the walls have openings to the grey {grey} of the border of the image: the track ends there, although"
-        found.append(Level(border / 2.0, f"{text} free_thresh {spec.free_thresh:g} makes that grey free"))
-    return found
+        levels.append(Level(border / 2.0, f"{text} free_thresh {spec.free_thresh:g} makes that grey free"))
+    return levels
 
 
 def _parts(polygons: list[shapely.Polygon], gap: float) -> Iterator[shapely.Polygon]:

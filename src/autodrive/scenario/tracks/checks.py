@@ -124,10 +124,10 @@ def psi_problem(rows: Floats) -> str:
     best = min(errors, key=lambda name: errors[name])
     if errors[""] <= PSI_ERROR:
         return ""
-    found = f"; they fit angles {best}" if errors[best] <= PSI_ERROR else ""
+    fitting = f"; they fit angles {best}" if errors[best] <= PSI_ERROR else ""
     return (
-        f"psi differs from the direction of the points by {math.degrees(errors['']):.0f} degrees on average{found}. It "
-        "must be the heading from +x, counter-clockwise, in radians"
+        f"psi differs from the direction of the points by {math.degrees(errors['']):.0f} degrees on average{fitting}. "
+        "It must be the heading from +x, counter-clockwise, in radians"
     )
 
 

@@ -10,7 +10,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 
 MAX_BORDER, MAX_LINES = 300_000, 10_000
-"""Of an image. With more, it is noise or a pattern, and would take minutes."""
+"""Most pixels at borders, and most lines, of an image. With more, it is noise or a pattern, and would take minutes."""
 
 
 def contours(values: Floats, level: float) -> list[Floats]:
@@ -44,9 +44,9 @@ def contours(values: Floats, level: float) -> list[Floats]:
     return [_crossings(values, outside, level, np.array(line)) for line in lines]
 
 
-def _check(count: int, most: int, what: str) -> None:
+def _check(count: int, most: int, plural: str) -> None:
     if count > most:
-        text = f"the image has {count} {what}; the map of a track has at most {most}: remove the noise from the image"
+        text = f"the image has {count} {plural}; the map of a track has at most {most}: remove the noise from the image"
         raise SpecError([text])
 
 
@@ -67,7 +67,8 @@ _LINES: dict[int, tuple[tuple[int, int], ...]] = {
     13: ((_RIGHT, _BOTTOM),),
     14: ((_BOTTOM, _LEFT),),
 }
-"""From side to side of a square, with the low corners on the left; high corners that touch diagonally are joined."""
+"""Lines from side to side of a square, by the set of its high corners; high corners that touch diagonally are
+joined."""
 
 
 def _crossings(values: Floats, outside: float, level: float, sides: NDArray[np.int64]) -> Floats:
@@ -77,8 +78,8 @@ def _crossings(values: Floats, outside: float, level: float, sides: NDArray[np.i
 
     def at(i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
         is_inside = (i > 0) & (i <= height) & (j > 0) & (j <= width)
-        found = values[np.clip(i, 1, height) - 1, np.clip(j, 1, width) - 1]
-        return np.where(is_inside, found.astype(np.float64), outside)
+        at_corner = values[np.clip(i, 1, height) - 1, np.clip(j, 1, width) - 1]
+        return np.where(is_inside, at_corner.astype(np.float64), outside)
 
     a, b = at(rows, columns), at(rows + is_vertical, columns + 1 - is_vertical)
     share = np.clip((level - a) / (b - a), 0.05, 0.95)

@@ -23,9 +23,9 @@ NODES_APART = 0.45
 """Distance of the points that grow, about [m]."""
 ATTEMPTS = 12
 SLACK = 0.03
-"""Between the limits of the growing points and those of the track [m]."""
+"""Difference between the limits of the growing points and those of the track [m]."""
 LENGTH_TOLERANCE = 0.05
-"""Of the length of a generated track."""
+"""Relative tolerance of the length of a generated track."""
 
 
 def generate_track(
@@ -110,19 +110,19 @@ def _loop(
     noise -= _smooth(noise, 200)
     kicks = 0.3 / np.abs(noise).max() * noise * start
     clockwise = bool(rng.random() < 0.5)
-    target, found, centre = length, 0.0, points
+    target, reached, centre = length, 0.0, points
     for _ in range(3):
         grown = points.copy()
         grow(grown, kicks, room[0], room[1], target / n, 1.04 * gap, 1.25 * radius, 800)
         centre = resampled(_spline(grown), SPACING)
-        found = float(closed_line(centre).along[-1])
-        if abs(found - length) < 0.01 * length:
+        reached = float(closed_line(centre).along[-1])
+        if abs(reached - length) < 0.01 * length:
             break
-        target *= length / found
+        target *= length / reached
     overhang = np.maximum(-centre.min(axis=0), centre.max(axis=0) - room)
     if overhang.max() > SLACK:
         return None
-    if abs(found - length) > LENGTH_TOLERANCE * length:
+    if abs(reached - length) > LENGTH_TOLERANCE * length:
         return None
     if np.abs(curvature(centre)).max() > 1.0 / radius or _comes_near(centre, 1.003 * gap):
         return None

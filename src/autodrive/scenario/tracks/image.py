@@ -17,11 +17,11 @@ from autodrive.base.readable import readable
 
 MAX_PIXELS = 2**24
 MAX_EDGE = 2**16
-"""Of an image [pixel]."""
+"""Longest edge of an image [pixel]."""
 MAX_BYTES = 100 * 2**20
-"""Of a file, and of its pixels without compression."""
+"""Most bytes of a file, and of its pixels without compression."""
 ROWS = 64
-"""So many rows are converted to numbers at a time."""
+"""Rows that are converted to numbers at a time."""
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Colour type of a PNG -> channels."""
 
@@ -41,7 +41,10 @@ def read_grey(path: Path) -> Floats:
 
 
 def grey_of(data: bytes, path: str = "") -> Floats:
-    """As `read_grey`, of the bytes of a file, which may be compressed with zlib; `path` is for errors."""
+    """The grey values of a picture in the bytes of a file; see `read_grey`. They may be compressed with zlib.
+
+    `path` is for errors.
+    """
     try:
         if data[:1] == b"x":
             data = zlib.decompressobj().decompress(data, MAX_BYTES)
@@ -101,7 +104,7 @@ def _png(data: bytes) -> Floats:
 
 
 def _mean(values: NDArray[np.int64], depth: int) -> Floats:
-    """Of the colour channels; white where the last channel, if it is the second or fourth, is transparent."""
+    """Mean of the colour channels; white where an alpha channel, the second or fourth one, is transparent."""
     channels = values.shape[-1]
     scaled = values * (255.0 / (2**depth - 1))
     grey = scaled[..., : min(channels, 3) if channels > 2 else 1].mean(axis=2, dtype=np.float64)

@@ -30,7 +30,7 @@ from autodrive.scenario.tracks.track import MAX_POINTS, MAX_WALLS, POINT_GAP, Ba
 DENSE = 0.04
 """Points that are nearer to each other than this [m] are replaced by others: their noise would bend the walls."""
 LEAST_AREA = 1e-8
-"""Of an obstacle [m^2]."""
+"""Least area of an obstacle [m^2]."""
 LEAST_HOLE = 0.01
 """Smaller holes between edges that cross are no infield [m^2]."""
 
@@ -41,11 +41,11 @@ class ImportOptions:
     """How a track is imported."""
 
     name: str = ""
-    """Of the track; left out: that of the folder or file."""
+    """Name of the track; left out: that of the folder or file."""
     tolerance: float = 0.02
     """Largest distance of a wall from the contour in the image [m]."""
     width: float | None = None
-    """From edge to edge [m], for centre lines without widths."""
+    """Width of the track from edge to edge [m], for centre lines without widths."""
     gap: float = 0.0
     """Openings of the walls in a map that are narrower than this are closed [m], such as gaps between air ducts."""
     barrier: BarrierSpec = field(default_factory=BarrierSpec)
@@ -66,11 +66,11 @@ class Sources:
     centre_line: Path | None = None
     race_line: Path | None = None
     picture: Path | None = None
-    """Instead of all others."""
+    """A picture of the track, instead of all other files."""
 
     @property
     def files(self) -> list[Path]:
-        """Those that there are."""
+        """All files of the track that there are."""
         files = (self.map, self.centre_line, self.race_line, self.picture)
         return [file for file in files if file is not None]
 
@@ -79,23 +79,23 @@ def find_sources(path: Path) -> Sources:
     """The files of a folder, or the one file. Raises `SpecError`."""
     if path.is_dir():
 
-        def one(*patterns: str) -> Path | None:
-            found = [file for pattern in patterns for file in sorted(path.glob(pattern))]
-            if len(found) > 1 and len({*found}) > 1:
+        def only_file(*patterns: str) -> Path | None:
+            files = [file for pattern in patterns for file in sorted(path.glob(pattern))]
+            if len(files) > 1 and len({*files}) > 1:
                 name = path.resolve().name
-                same = [file for file in found if file.name in [pattern.replace("*", name) for pattern in patterns]]
-                same = same or [file for file in found if file.name.startswith(f"{name}_")]
+                same = [file for file in files if file.name in [pattern.replace("*", name) for pattern in patterns]]
+                same = same or [file for file in files if file.name.startswith(f"{name}_")]
                 if len({*same}) != 1:
-                    names = ", ".join(file.name for file in found)
+                    names = ", ".join(file.name for file in files)
                     raise SpecError([f"the folder has several tracks: {names}. Name one of the files"], str(path))
                 return same[0]
-            return found[0] if found else None
+            return files[0] if files else None
 
-        map_ = one("*_map.yaml") or one("*.yaml")
-        found = Sources(path.resolve().name, map_, one("*_centerline.csv"), one("*_raceline.csv"))
-        if found.map is None and found.centre_line is None:
+        map_ = only_file("*_map.yaml") or only_file("*.yaml")
+        sources = Sources(path.resolve().name, map_, only_file("*_centerline.csv"), only_file("*_raceline.csv"))
+        if sources.map is None and sources.centre_line is None:
             raise SpecError(["the folder has neither NAME_map.yaml nor NAME_centerline.csv"], str(path))
-        return found
+        return sources
     if not path.is_file():
         raise SpecError([f"'{path}' {'is not a file' if path.exists() else 'does not exist'}"])
     if is_yaml(path):
@@ -256,7 +256,7 @@ def _lines_around(area: shapely.Polygon, ros_map: RosMap, tolerance: float) -> t
 
 
 def _simplified(line: Floats, tolerance: float) -> Floats:
-    """As `simplified`, without points that are too near to the next one."""
+    """A line with fewer points, see `simplified`, of which none is too near to the next one."""
     points = simplified(line, tolerance)
     return points[steps(points) >= 2.0 * POINT_GAP] + 0.0
 

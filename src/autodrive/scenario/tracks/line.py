@@ -14,7 +14,7 @@ BLOCK = 16
 """Segments that one circle encloses."""
 
 
-class Line(NamedTuple):
+class ClosedLine(NamedTuple):
     """A closed line of n segments."""
 
     points: Floats
@@ -25,7 +25,7 @@ class Line(NamedTuple):
     """x, y and radius of a circle around each `BLOCK` successive segments [m]."""
 
 
-def closed_line(points: Floats) -> Line:
+def closed_line(points: Floats) -> ClosedLine:
     """The closed line through points, shape (n, 2), which does not repeat the first one."""
     closed = np.ascontiguousarray(np.vstack([points, points[:1]]))
     steps = np.diff(closed, axis=0)
@@ -35,11 +35,11 @@ def closed_line(points: Floats) -> Line:
         block = closed[first : first + BLOCK + 1]
         middle = (block.min(axis=0) + block.max(axis=0)) / 2.0
         circles.append((*middle, np.sqrt(np.sum((block - middle) ** 2, axis=1).max())))
-    return Line(closed, along, np.array(circles))
+    return ClosedLine(closed, along, np.array(circles))
 
 
 @jit
-def point_on_line(line: Line, s: float) -> tuple[float, float, float, float]:
+def point_on_line(line: ClosedLine, s: float) -> tuple[float, float, float, float]:
     """x, y [m] of the point at the distance s [m] along a closed line, and the unit vector of its segment."""
     points, along, _ = line
     n = len(along) - 1
@@ -52,7 +52,7 @@ def point_on_line(line: Line, s: float) -> tuple[float, float, float, float]:
 
 
 @jit
-def nearest_on_line(line: Line, x: float, y: float) -> tuple[float, float]:
+def nearest_on_line(line: ClosedLine, x: float, y: float) -> tuple[float, float]:
     """Distance [m] along a closed line of the point nearest to x, y, and the distance of x, y to the left of it [m].
 
     The distance along is from 0 up to, but not including, the length. Blocks of segments whose circle is farther away

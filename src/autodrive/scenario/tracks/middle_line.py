@@ -15,7 +15,7 @@ from autodrive.scenario.tracks.shape import resampled, straightest
 SPACING = 0.1
 """Distance of the points of the line [m]; more on a track that is longer than 1 km."""
 MAX_POINTS = 20_000
-"""On all walls, for the computation."""
+"""Most points on all walls, for the computation."""
 
 
 def middle_line(walls: tuple[Floats, ...]) -> Floats:

@@ -32,7 +32,7 @@ MAX_FAULTS = 20
 _STEPS = 40
 """Steps of the parameter between two points."""
 _ROUNDS = 60
-"""Each one halves the error of the second derivatives."""
+"""Rounds of the computation of a curve; each of them halves the error of the second derivatives."""
 _COUNTS = (8, 10, 12, 14, 16, 20, 24, 32, 40, 48, 64, 80, 100, 128, 160, MAX_POINTS)
 
 
@@ -45,7 +45,7 @@ class SmoothLine(NamedTuple):
     """Number of the point before each place, from 0, and the share of the way to the next one, shape (n,)."""
 
 
-class Fault(NamedTuple):
+class TrackFault(NamedTuple):
     """A place where a track cannot be driven."""
 
     kind: Literal["bend", "touch", "narrow"]
@@ -113,18 +113,18 @@ def centre_line(points: Floats, width: float) -> Floats:
     return np.round(rows, 4) + 0.0
 
 
-def faults(points: Floats, width: float) -> list[Fault]:
+def faults(points: Floats, width: float) -> list[TrackFault]:
     """Where a track through points, shape (n, 2), with a width [m] cannot be driven."""
     places, parameters = smooth_line(points)
     n, length = len(places), float(closed_line(places).along[-1])
     radius, gap = width / 2.0 + INNER_RADIUS, width + BETWEEN
 
-    def fault(kind: Literal["bend", "touch"], i: int, value: float, least: float) -> Fault:
+    def fault(kind: Literal["bend", "touch"], i: int, value: float, least: float) -> TrackFault:
         x, y = places[i].tolist()
-        return Fault(kind, x, y, round(float(parameters[i])) % len(points), value, least)
+        return TrackFault(kind, x, y, round(float(parameters[i])) % len(points), value, least)
 
     bend = np.abs(curvature(places))
-    found = [fault("bend", i, float(1.0 / bend[i]), radius) for i in _worst(bend, 1.0 / radius)]
+    all_faults = [fault("bend", i, float(1.0 / bend[i]), radius) for i in _worst(bend, 1.0 / radius)]
     apart = math.ceil(1.7 * gap / (length / n))
     near, other = np.full(n, np.inf), np.zeros(n, np.int64)
     for shift in range(apart, n - apart + 1):
@@ -133,11 +133,11 @@ def faults(points: Floats, width: float) -> list[Fault]:
         nearer = square < near
         near[nearer], other[nearer] = square[nearer], (np.flatnonzero(nearer) + shift) % n
     pairs = [i for i in _worst(-near, -gap * gap) if i < other[i]]
-    found += [fault("touch", i, math.sqrt(near[i]), gap) for i in pairs]
+    all_faults += [fault("touch", i, math.sqrt(near[i]), gap) for i in pairs]
     if width < WIDTH_MIN:
         x, y = points[0].tolist()
-        found.append(Fault("narrow", x, y, 0, width, WIDTH_MIN))
-    return found[:MAX_FAULTS]
+        all_faults.append(TrackFault("narrow", x, y, 0, width, WIDTH_MIN))
+    return all_faults[:MAX_FAULTS]
 
 
 def points_on(line: Floats, tolerance: float = TOLERANCE) -> Floats:
@@ -153,15 +153,15 @@ def points_on(line: Floats, tolerance: float = TOLERANCE) -> Floats:
 
 
 def _worst(values: Floats, limit: float) -> list[int]:
-    """Of each run of a closed line above a limit, the place with the greatest value."""
+    """Places with the greatest value in each run of a closed line above a limit."""
     above = values > limit
     if above.all():
         return [int(np.argmax(values))]
     starts = np.flatnonzero(above & ~np.roll(above, 1))
-    found = []
+    worst = []
     for start in starts.tolist():
         run = [start]
         while above[(run[-1] + 1) % len(values)]:
             run.append((run[-1] + 1) % len(values))
-        found.append(max(run, key=lambda i: values[i]))
-    return found
+        worst.append(max(run, key=lambda i: values[i]))
+    return worst

@@ -151,7 +151,7 @@ def _bounded_minimum(hessian: Floats, slope: Floats, low: Floats, high: Floats) 
 
 
 def _from_start(points: Floats, track: Track) -> Floats:
-    """The same closed line from the point where it crosses the start line."""
+    """A closed line from the point on where it crosses the start line of the track."""
     at = np.array([track.project(x, y)[0] for x, y in points.tolist()])
     last = int(np.argmin(np.roll(at, -1) - at))  # where the distance along the centre line starts again
     a, b = points[last], points[(last + 1) % len(points)]

@@ -77,7 +77,7 @@ class RosMap:
 
     @property
     def yaw(self) -> float:
-        """Of the image in the map frame [rad]."""
+        """Heading of the x axis of the image in the map frame [rad]."""
         return self.spec.origin[2] if len(self.spec.origin) > 2 else 0.0
 
 

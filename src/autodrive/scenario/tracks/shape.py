@@ -29,15 +29,15 @@ def resampled(points: Floats, spacing: float) -> Floats:
 @jit
 def _on_line(points: Floats, along: Floats, at: Floats) -> Floats:
     """Points at ascending distances along a line, shape (len(at), 2)."""
-    found = np.empty((len(at), 2))
+    places = np.empty((len(at), 2))
     i = 0
     for k in range(len(at)):
         while i < len(along) - 2 and along[i + 1] <= at[k]:
             i += 1
         f = (at[k] - along[i]) / (along[i + 1] - along[i])
-        found[k, 0] = points[i, 0] + f * (points[i + 1, 0] - points[i, 0])
-        found[k, 1] = points[i, 1] + f * (points[i + 1, 1] - points[i, 1])
-    return found
+        places[k, 0] = points[i, 0] + f * (points[i + 1, 0] - points[i, 0])
+        places[k, 1] = points[i, 1] + f * (points[i + 1, 1] - points[i, 1])
+    return places
 
 
 def curvature(points: Floats) -> Floats:
@@ -123,12 +123,12 @@ def _kept(points: Floats, tolerance: float) -> Integers:
 def crossings(walls: tuple[Floats, ...]) -> list[tuple[float, float]]:
     """Where closed lines cross or touch themselves or each other: x, y [m], a few places of each."""
     rings: Any = np.array([shapely.LinearRing(wall) for wall in walls], dtype=object)
-    found = [place for ring in rings if not ring.is_simple for place in _self_crossings(ring)]
+    places = [place for ring in rings if not ring.is_simple for place in _self_crossings(ring)]
     pairs = shapely.STRtree(rings).query(rings, predicate="intersects").T.tolist()
     for ring, other in sorted(pair for pair in pairs if pair[0] < pair[1]):
         common = shapely.intersection(rings[ring], rings[other])
-        found.append(tuple(shapely.get_coordinates(common)[0].tolist()))
-    return list(dict.fromkeys(found))
+        places.append(tuple(shapely.get_coordinates(common)[0].tolist()))
+    return list(dict.fromkeys(places))
 
 
 def _self_crossings(ring: shapely.LinearRing) -> list[tuple[float, float]]:

@@ -48,8 +48,8 @@ def read_centre_line(path: Path, width: float | None, warnings: list[str]) -> Fl
     if len(sides) != 2:
         sides = [rows[:, columns["width"]] / 2.0] * 2 if "width" in columns else []
     if width is None and not sides:
-        given = ", ".join(names) or "x, y"
-        text = f"the file has no widths (w_tr_right_m and w_tr_left_m, or width_m) in its columns {given}"
+        known = ", ".join(names) or "x, y"
+        text = f"the file has no widths (w_tr_right_m and w_tr_left_m, or width_m) in its columns {known}"
         raise SpecError([f"{text}; give the width of the track with --width"], str(path))
     if width is not None:
         if sides:
@@ -172,12 +172,12 @@ def _meaning(name: str) -> str:
 
 def _columns(names: list[str], path: Path) -> dict[str, int]:
     """What is in which column, by the names. Raises `SpecError` if two columns hold the same."""
-    found: dict[str, int] = {}
+    columns: dict[str, int] = {}
     for number, name in enumerate(names):
-        if (meaning := _meaning(name)) and meaning in found:
-            raise SpecError([f"two columns hold the same: {names[found[meaning]]} and {name}"], str(path))
-        found |= {meaning: number} if meaning else {}
-    return found
+        if (meaning := _meaning(name)) and meaning in columns:
+            raise SpecError([f"two columns hold the same: {names[columns[meaning]]} and {name}"], str(path))
+        columns |= {meaning: number} if meaning else {}
+    return columns
 
 
 def _require(meanings: tuple[str, ...], columns: dict[str, int], names: list[str], path: Path) -> None:

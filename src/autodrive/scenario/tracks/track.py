@@ -18,11 +18,11 @@ from autodrive.base.elementary import atan2
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Length, Spec
 from autodrive.scenario.tracks import points as by_points
-from autodrive.scenario.tracks.line import Line, closed_line, nearest_on_line, point_on_line
+from autodrive.scenario.tracks.line import ClosedLine, closed_line, nearest_on_line, point_on_line
 from autodrive.scenario.tracks.shape import edges_of, steps, walls_along
 
 MAX_POINTS = 20_000
-"""Of the centre line, of the race line, and of all walls of a track."""
+"""Most points of the centre line, of the race line, and of all walls of a track."""
 MAX_WALLS = 1000
 POINT_GAP = 1e-3
 """Least distance of neighbouring points [m]."""
@@ -94,10 +94,10 @@ class TrackSpec(Spec):
     centre_line: Annotated[tuple[_Row4, ...], Field(min_length=4, max_length=MAX_POINTS)] = ()
     """x [m], y [m], width to the right [m], width to the left [m]; closed, the first point is not repeated."""
     points: Annotated[tuple[_Row2, ...], Field(min_length=by_points.MIN_POINTS, max_length=by_points.MAX_POINTS)] = ()
-    """Instead of centre line and walls: points x [m], y [m] of a smooth closed line, in driving direction. The start
+    """Points x [m], y [m] of a smooth closed line in driving direction, instead of centre line and walls. The start
     line goes through the first one, which is not repeated."""
     width: float | None = Field(default=None, ge=0.2, le=50.0)
-    """With points: between the barriers [m]."""
+    """Width of a track by points, between the barriers [m]."""
     race_line: Annotated[tuple[_Row7, ...], Field(max_length=MAX_POINTS)] = ()
     """s [m], x [m], y [m], psi [rad], kappa [1/m], vx [m/s], ax [m/s^2]."""
     walls: Annotated[
@@ -229,7 +229,7 @@ class Track:
         return self.pose_at(-back, left / 2.0 if place % 2 == 0 else -right / 2.0)
 
     @cached_property
-    def line(self) -> Line:
+    def line(self) -> ClosedLine:
         """The centre line for compiled functions."""
         return closed_line(self.centre_line[:, :2])
 
@@ -255,48 +255,50 @@ def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...]]
 def _wrong_points(spec: TrackSpec) -> list[specs.Rule]:
     """Which keys do not belong together, and which points cannot be used."""
     if not spec.points:
-        found: list[specs.Rule] = [(("centre_line",), "is required, or points with a width")]
-        found = [] if spec.centre_line else found
-        return [*found, (("width",), "is for points; a centre line has its widths")] if spec.width else found
+        errors: list[specs.Rule] = [(("centre_line",), "is required, or points with a width")]
+        errors = [] if spec.centre_line else errors
+        return [*errors, (("width",), "is for points; a centre line has its widths")] if spec.width else errors
     names = [name for name in ("centre_line", "walls") if getattr(spec, name)]
-    found = [((name,), "follows from the points: leave it out") for name in names]
-    found += [] if spec.width else [(("width",), "is required with points")]
+    errors = [((name,), "follows from the points: leave it out") for name in names]
+    errors += [] if spec.width else [(("width",), "is required with points")]
     points = np.array(spec.points)
     if np.abs(points).max() > by_points.REACH:
-        found.append((("points",), f"positions must be at most {by_points.REACH:g} m"))
+        errors.append((("points",), f"positions must be at most {by_points.REACH:g} m"))
     if len(near := np.flatnonzero(steps(points) < by_points.POINT_GAP)):
         text = f"neighbouring points must be at least {by_points.POINT_GAP * 100:g} cm apart"
-        found.append((("points", int(near[0])), text))
-    return found
+        errors.append((("points", int(near[0])), text))
+    return errors
 
 
 def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats, ...]) -> list[specs.Rule]:
     """What is wrong with the arrays of a track, and where."""
-    found: list[specs.Rule] = []
+    errors: list[specs.Rule] = []
     arrays: list[tuple[tuple[str | int, ...], Floats, int, int]] = [(("centre_line",), centre_line, 4, 4)]
     arrays += [(("race_line",), race_line, 4, 7)] if race_line is not None else []
     arrays += [(("walls", i), wall, 3, 2) for i, wall in enumerate(walls)]
     for place, rows, least, columns in arrays:
         if len(rows) > MAX_POINTS:
-            found.append((place, f"must have at most {MAX_POINTS} points, not {len(rows)}"))
+            errors.append((place, f"must have at most {MAX_POINTS} points, not {len(rows)}"))
         if rows.ndim != 2 or rows.shape[1] != columns or len(rows) < least:
-            found.append((place, f"must have at least {least} rows of {columns} numbers; its shape is {rows.shape}"))
+            errors.append((place, f"must have at least {least} rows of {columns} numbers; its shape is {rows.shape}"))
             continue
         points = rows[:, 1:3] if columns == 7 else rows[:, :2]
         if not np.isfinite(rows).all() or np.abs(points).max() > MAX_COORDINATE:
-            found.append((place, f"all numbers must be finite and positions at most {MAX_COORDINATE:g} m"))
+            errors.append((place, f"all numbers must be finite and positions at most {MAX_COORDINATE:g} m"))
             continue
         near = np.flatnonzero(steps(points) < POINT_GAP)
         if len(near):
             last = int(near[0]) == len(rows) - 1
-            what = "the first point must not be repeated at the end" if last else "the next point is at the same place"
-            found.append(((*place, int(near[0])), f"{what}: neighbouring points must be at least 1 mm apart"))
-    if not found and (narrow := np.flatnonzero((centre_line[:, 2:] <= 0.0).any(axis=1))).size:
-        found.append((("centre_line", int(narrow[0])), "the widths to the right and to the left must be above 0"))
-    if not found and race_line is not None and not np.all(np.diff(race_line[:, 0]) > 0.0):
+            mistake = (
+                "the first point must not be repeated at the end" if last else "the next point is at the same place"
+            )
+            errors.append(((*place, int(near[0])), f"{mistake}: neighbouring points must be at least 1 mm apart"))
+    if not errors and (narrow := np.flatnonzero((centre_line[:, 2:] <= 0.0).any(axis=1))).size:
+        errors.append((("centre_line", int(narrow[0])), "the widths to the right and to the left must be above 0"))
+    if not errors and race_line is not None and not np.all(np.diff(race_line[:, 0]) > 0.0):
         row = int(np.flatnonzero(np.diff(race_line[:, 0]) <= 0.0)[0]) + 1
-        found.append((("race_line", row), "s must increase from row to row"))
-    return found
+        errors.append((("race_line", row), "s must increase from row to row"))
+    return errors
 
 
 def _rows(rows: Floats, indent: str) -> list[str]:

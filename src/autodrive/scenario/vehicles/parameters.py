@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from autodrive.scenario.maps.spec import GroundSpec
 
 AIR_DENSITY = 1.2
-"""At 20 degrees Celsius and sea level [kg/m^3]."""
+"""Density of air at 20 degrees Celsius and sea level [kg/m^3]."""
 HOLD_DAMPING_RATIO = 0.7
 """Damping of a locked wheel's holding spring, relative to critical damping."""
 
@@ -62,7 +62,7 @@ def _set_motor(row: Table, drivetrain: DrivetrainSpec) -> None:
     differentials = drivetrain.differentials
     for place in ("front", "centre", "rear"):
         row[f"{place}_differential"] = getattr(differentials, place).limits
-    row["has_differentials"] = any(one.kind != "open" for _, one in differentials)
+    row["has_differentials"] = any(differential.kind != "open" for _, differential in differentials)
 
 
 def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:

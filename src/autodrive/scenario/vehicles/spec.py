@@ -19,7 +19,7 @@ from autodrive.physics.wheel import magic_shape
 from autodrive.protocol.devkit_profile import PROFILES
 
 MAX_CAMERAS = 20
-"""Of a vehicle."""
+"""Most cameras of a vehicle."""
 
 Inertia: TypeAlias = Annotated[float, Field(ge=1e-9, le=1e6)]
 Relaxation: TypeAlias = Annotated[float, Field(ge=1e-4, le=10.0)]
@@ -31,11 +31,11 @@ class RigidBodySpec(Spec):
     """The chassis as a rigid body (report, table 9)."""
 
     mass: float = Field(ge=0.01, le=1e3)
-    """Of the whole vehicle [kg]."""
+    """Mass of the whole vehicle [kg]."""
     inertia: tuple[Inertia, Inertia, Inertia]
     """About the centre of mass, for the axes x, y, z of the vehicle [kg m^2]."""
     center_of_mass: At
-    """In the vehicle frame [m]."""
+    """Centre of mass in the vehicle frame [m]."""
     drag: float = Field(ge=0, le=1e3)
     """Share of the velocity that is lost per second, as Unity's Rigidbody.drag [1/s]."""
     drag_area: float = Field(default=0.0, ge=0, le=100)
@@ -128,7 +128,7 @@ class MagicFormulaSpec(Spec):
     front_cornering_stiffness: float = Field(ge=1e-2, le=1e3)
     """Lateral force per slip angle and load of a front wheel [1/rad]."""
     rear_cornering_stiffness: float = Field(ge=1e-2, le=1e3)
-    """Likewise of a rear wheel."""
+    """Lateral force per slip angle and load of a rear wheel [1/rad]."""
     peak_stiffness_load: float | None = Field(default=None, ge=0.1, le=1e3)
     """Load with the greatest cornering force per slip, divided by the nominal load (p_Ky2); omitted: the cornering
     stiffness is proportional to the load."""
@@ -188,7 +188,7 @@ class TyreWeatherSpec(Spec):
     wet_grip: float = Field(ge=0.01, le=10.0)
     """Friction on a wet road relative to a dry one."""
     snow_grip: float = Field(ge=0.01, le=10.0)
-    """Likewise on snow."""
+    """Friction on snow relative to a dry road."""
     snow_resistance: float = Field(default=SNOW_RESISTANCE, ge=0.0, le=1.0)
     """Rolling resistance on snow per load, in addition to that on a dry road."""
 
@@ -299,8 +299,8 @@ class VehicleSpec(Spec):
     summary: dict[str, str] = Field(default_factory=dict)
     """Components of the car, as text (report, table 1)."""
     look: Literal["platforms", "racer"] = "platforms"
-    """Its mesh. platforms: a stack of acrylic platforms with boards. racer: a 1:10 race car, whose chassis and deck are
-    the two `platforms`."""
+    """Kind of the mesh. platforms: a stack of acrylic platforms with boards. racer: a 1:10 race car, whose chassis and
+    deck are the two `platforms`."""
     size: Size
     """Overall length, width, height [m]."""
     wheelbase: Length
@@ -357,7 +357,7 @@ class VehicleSpec(Spec):
         return max(self.wheelbase + self.wheels.radius, *(box.position[0] + box.size[0] / 2 for box in boxes))
 
     def with_mass_factor(self, factor: float) -> VehicleSpec:
-        """The same vehicle with `factor` times the mass and the inertia."""
+        """A vehicle with `factor` times the mass and the inertia of this one."""
         body = self.body
         heavier = {"mass": factor * body.mass, "inertia": tuple(factor * moment for moment in body.inertia)}
         return self.model_copy(update={"body": body.model_copy(update=heavier)})

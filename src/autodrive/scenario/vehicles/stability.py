@@ -11,7 +11,7 @@ from autodrive.scenario.vehicles.parameters import hold_spring
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 TOLERANCE = 1e-9
-"""Of the spectral radius: without dampers it is 1."""
+"""Tolerance of the spectral radius: without dampers it is 1."""
 
 
 def is_stable(spec: VehicleSpec, substep: float) -> bool:

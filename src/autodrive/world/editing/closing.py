@@ -83,7 +83,7 @@ def _modules(world: World) -> dict[str, ModuleSpec]:
     described = {name: read_module(name) for name in yaml_files.names("module")}
     folder = Path(world.specs.map.path).parent.absolute()
     own = {str(folder / name) if name.endswith(".yaml") else name: one for name, one in world.specs.map.modules.items()}
-    return {name: one.found for name, one in (described | own).items() if one.found}
+    return {name: one.spec_or_none for name, one in (described | own).items() if one.spec_or_none}
 
 
 def _named(world: World, placements: tuple[Placement, ...]) -> Iterator[tuple[str, MapPart]]:

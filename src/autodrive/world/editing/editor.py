@@ -141,8 +141,8 @@ class Editor:
 
 def _replaced(world: World, after: Specs) -> list[str]:
     """What goes to its start if the map is replaced: the boxes, and the vehicles beside a track."""
-    if isinstance(after.map.found, TrackSpec):
-        return [*world.boxes, *vehicles_beside(world, after.map.found)]
+    if isinstance(after.map.spec_or_none, TrackSpec):
+        return [*world.boxes, *vehicles_beside(world, after.map.spec_or_none)]
     return [*parts_of(own_map(after)), *world.boxes]
 
 

@@ -87,7 +87,7 @@ def _check_modules(names: Iterable[str], of_map: Collection[str]) -> None:
 
 def own_map(specs: Specs) -> MapSpec:
     """The MapSpec, with absolute paths of its modules. Raises `CommandError` for a race track."""
-    spec = specs.map.found
+    spec = specs.map.spec_or_none
     if not isinstance(spec, MapSpec):
         raise CommandError(f"map '{specs.map.name}' is a race track: it has no parts that can be edited")
     return with_modules_at(spec, Path(specs.map.path).parent) if specs.map.path else spec
@@ -95,7 +95,7 @@ def own_map(specs: Specs) -> MapSpec:
 
 def saved_map(world: World, title: str = "") -> MapSpec | TrackSpec:
     """The map or track of a World for a file: a draft without problems is one no more."""
-    spec = world.specs.map.spec if isinstance(world.specs.map.found, TrackSpec) else own_map(world.specs)
+    spec = world.specs.map.spec if isinstance(world.specs.map.spec_or_none, TrackSpec) else own_map(world.specs)
     tree = {key: getattr(spec, key) for key in spec.model_fields_set} | ({"title": title} if title else {})
     if not world.compiled.map_problems:
         tree.pop("is_draft", None)
@@ -165,7 +165,7 @@ def _with_track(specs: Specs, track: TrackSpec) -> Specs:
 
 
 def _with_map(specs: Specs, map_: str | MapSpec, described: DescribedMap) -> Specs:
-    boxes = parts_of(described.found) if isinstance(described.found, MapSpec) else {}
+    boxes = parts_of(described.spec_or_none) if isinstance(described.spec_or_none, MapSpec) else {}
     removed = tuple(name for name in specs.scenario.removed_boxes if name in boxes)
     scenario = specs.scenario.model_copy(update={"map": map_, "removed_boxes": removed})
     return replace(specs, scenario=scenario, map=described)

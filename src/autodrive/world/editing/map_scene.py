@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from msgspec.structs import replace
 
 from autodrive.base import yaml_files
-from autodrive.base.specs import Described, Place, joined
+from autodrive.base.specs import Described, PlaceInFile, joined
 from autodrive.base.units import DEGREE
 from autodrive.protocol import native
 from autodrive.protocol.messages import MapModule, MapPart
@@ -20,7 +20,7 @@ from autodrive.scenario.files import map_titles, read_map, read_module
 from autodrive.scenario.maps.draw import to_svg
 from autodrive.scenario.maps.map import Map, compile_map
 from autodrive.scenario.maps.module import ModuleSpec
-from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.placing import PlacingProblem
 from autodrive.scenario.maps.props import PropKind
 from autodrive.scenario.maps.spec import MapSpec, Placement
 from autodrive.world.editing.map_advice import map_advice
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None:
     """The map of a World; None for a race track. `add` takes name and content of a file and returns its address."""
-    if not isinstance(world.specs.map.found, MapSpec):
+    if not isinstance(world.specs.map.spec_or_none, MapSpec):
         return None
     spec = own_map(world.specs)
     parts = {name: part for name, part in parts_of(spec).items() if name not in world.spec.removed_boxes}
@@ -45,7 +45,7 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
         parts=parts,
         ports=_ports(world.map, wrong),
         problems=[_problem(one, world.map, spec, parts) for one in problems],
-        modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.found},
+        modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.spec_or_none},
         props=list(_kinds()),
         templates=map_titles(),
         advice=map_advice(world),
@@ -57,10 +57,10 @@ def _kinds() -> Iterator[str]:
         yield from get_args(kinds) or (kinds,)
 
 
-def _ports_of(problem: MapProblem) -> list[tuple[int, str]]:
+def _ports_of(problem: PlacingProblem) -> list[tuple[int, str]]:
     """Index of the placement and name of each port that a problem concerns."""
     pairs = ((problem.part, problem.port), (problem.other, problem.other_port))
-    return [(int(part.location[1]), port.name) for part, port in pairs if port and isinstance(part, Place)]
+    return [(int(part.location[1]), port.name) for part, port in pairs if port and isinstance(part, PlaceInFile)]
 
 
 def _ports(map_: Map, wrong: set[tuple[int, str]]) -> dict[str, dict[str, MapPort]]:
@@ -82,8 +82,8 @@ def _ports(map_: Map, wrong: set[tuple[int, str]]) -> dict[str, dict[str, MapPor
     }
 
 
-def _problem(problem: MapProblem, map_: Map, spec: MapSpec, parts: dict[str, MapPart]) -> native.MapProblem:
-    places = [one.location for one in (problem.part, problem.other) if isinstance(one, Place)]
+def _problem(problem: PlacingProblem, map_: Map, spec: MapSpec, parts: dict[str, MapPart]) -> native.MapProblem:
+    places = [one.location for one in (problem.part, problem.other) if isinstance(one, PlaceInFile)]
     names = [name_of_entry(getattr(spec, str(key))[index], int(index) + 1) for key, index in places]
     x = y = 0.0
     if problem.port:
@@ -99,7 +99,7 @@ def _problem(problem: MapProblem, map_: Map, spec: MapSpec, parts: dict[str, Map
     return native.MapProblem(problem.kind, text, x, y, names, {names[-1]: repaired} if repaired else {})
 
 
-def _repaired(problem: MapProblem, part: MapPart | None) -> MapModule | None:
+def _repaired(problem: PlacingProblem, part: MapPart | None) -> MapModule | None:
     """The last module of a problem, so that the problem is solved; None if it is not known how."""
     if not isinstance(part, MapModule) or problem.port is None:
         return None

@@ -32,7 +32,7 @@ ABOUT = 0.15
 
 def edited_track(specs: Specs, edit: EditTrack | GenerateTrack) -> TrackSpec:
     """The track after an edit. Raises `AutodriveError`."""
-    before = specs.map.found if isinstance(specs.map.found, TrackSpec) else None
+    before = specs.map.spec_or_none if isinstance(specs.map.spec_or_none, TrackSpec) else None
     if isinstance(edit, GenerateTrack):
         return _generated(edit)
     now = line_of(specs.map)
@@ -58,7 +58,7 @@ def imported_track(edit: ImportTrack) -> tuple[UseMap, str]:
 
 def line_of(described: DescribedMap) -> TrackLine | None:
     """The track by points, or a line by points near another track; None if the map is no track."""
-    return _line(described) if isinstance(described.found, TrackSpec) else None
+    return _line(described) if isinstance(described.spec_or_none, TrackSpec) else None
 
 
 def name_of_track_edit(edit: EditTrack, before: Specs) -> str:
@@ -93,7 +93,7 @@ def vehicles_beside(world: World, spec: TrackSpec) -> list[str]:
 
 def track_scene(world: World) -> TrackScene | None:
     """The track of a World as clients edit it; None for another map."""
-    spec, line = world.specs.map.found, line_of(world.specs.map)
+    spec, line = world.specs.map.spec_or_none, line_of(world.specs.map)
     if not isinstance(spec, TrackSpec) or line is None:
         return None
     found = [

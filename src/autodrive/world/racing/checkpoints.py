@@ -10,7 +10,7 @@ import numpy as np
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit_uncounted
 from autodrive.scenario.tracks import Track
-from autodrive.scenario.tracks.line import Line, nearest_on_line
+from autodrive.scenario.tracks.line import ClosedLine, nearest_on_line
 
 MARGIN = 0.3
 """A checkpoint is this much wider than the track on each side [m]."""
@@ -76,7 +76,7 @@ def _direction(track: Track, s: float) -> tuple[float, float]:
 
 
 @jit_uncounted
-def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
+def start(line: ClosedLine, positions: Floats, i: int, p: Progress) -> None:
     """Let vehicle i be where it is now, without having moved there."""
     p.x[i], p.y[i] = positions[i, 0], positions[i, 1]
     p.s[i], p.lateral[i] = nearest_on_line(line, p.x[i], p.y[i])
@@ -86,7 +86,7 @@ def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
 
 
 @jit_uncounted
-def advance(line: Line, gates: Floats, positions: Floats, tick: float, p: Progress) -> bool:
+def advance(line: ClosedLine, gates: Floats, positions: Floats, tick: float, p: Progress) -> bool:
     """Update the progress at the end of a tick; whether a vehicle passed a checkpoint or turned the wrong way.
 
     A crossing is interpolated within the tick: the path is straight, and its speed changes by at most a few cm/s.

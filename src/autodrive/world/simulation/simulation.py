@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, get_args
 
 from autodrive.base.errors import CommandError, EngineError, SensorError
-from autodrive.base.pace import Pace
+from autodrive.base.pace import TickPace
 from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
@@ -91,7 +91,7 @@ class Simulation(Paced):
         world.watch_sensors(self._clock.now)
         self._load = load
         self._editor = Editor(load)
-        self._pace = Pace(world.tick_duration, speed)
+        self._pace = TickPace(world.tick_duration, speed)
         self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
         self._renewable: dict[str, Command] = {}

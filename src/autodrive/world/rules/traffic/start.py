@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from autodrive.base.specs import Place, Problem
+from autodrive.base.specs import PlaceInFile, Problem
 from autodrive.physics.sensors.sensor import random_generator
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
@@ -24,7 +24,7 @@ NEAREST = 1.4
 
 def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[ScenarioSpec, list[Problem]]:
     """The scenario with so many of that vehicle behind the others, at their starts, and problems."""
-    at = Place("scenario", ("traffic",))
+    at = PlaceInFile("scenario", ("traffic",))
     own = {name: one for name, one in spec.vehicles.items() if name not in spec.traffic.names}
     if spec.race is not None:
         return spec, [(at, ": a scenario with a race cannot have traffic; remove one of them")]
@@ -35,7 +35,7 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
     for name in spec.traffic.names:  # in an edit or a recording they are among the vehicles, all sensors off
         one = spec.vehicles.get(name)
         if one is not None and (not one.sensors or any(sensor.is_on for sensor in one.sensors.values())):
-            place = Place("scenario", ("vehicles", name))
+            place = PlaceInFile("scenario", ("vehicles", name))
             return spec, [(place, ": this name belongs to the traffic; choose another name")]
     links = roads(map_, clearance(vehicle))
     taken = [(one.x, one.y) for one in own.values()] + [box.position[:2] for box in map_.boxes]
