@@ -3,8 +3,8 @@
     uv run benchmarks/step.py [--f1tenth-gym PYTHON]
 
 CPU time of one core, medians. A tick of a World is also compared with a tick of one world of a batch with the same car,
-in turn: what the World adds is the Frame. With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with a scan of
-1080 rays) is measured, too.
+in turn: what the World adds is the Frame. With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with
+a scan of 1080 rays) is measured, too.
 """
 
 from __future__ import annotations

@@ -26,10 +26,11 @@ from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import SimulationServer
-from autodrive.protocol.messages import AddBox, Collision, Frame, Operation, SetSpeed
+from autodrive.protocol.messages import AddBox, Collision, Frame, SetSpeed
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.factory import new_world
+from autodrive.world.observer import Request
 from autodrive.world.scene_files import SceneFiles
 from tests.support.attackers import frame
 from tests.support.native_clients import native_client, pack, raw, scene_files
@@ -220,7 +221,7 @@ class Order:
     def given(self, commands: Mapping[str, Command]) -> None:
         pass
 
-    def executed(self, request: Operation) -> None:
+    def executed(self, request: Request) -> None:
         self.executed_types.append(type(request).__name__)
         assert self.is_free.wait(LIMIT)
 

@@ -22,11 +22,12 @@ from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.connect.server.server import SimulationServer
-from autodrive.protocol.messages import Operation, Pause, RaceState, RaceStatus, Reset, Resume, SetDrivingMode, Step
+from autodrive.protocol.messages import Pause, RaceState, RaceStatus, Reset, Resume, SetDrivingMode, Step
 from autodrive.run import race as races
 from autodrive.run.race import RaceOptions
 from autodrive.run.runner import Run, RunObserver
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.world.observer import Request
 from tests.connect.bridge.conftest import Resets
 from tests.connect.client.conftest import started
 from tests.connect.ros.test_bridge import ROOT, seconds, served, vector
@@ -212,7 +213,7 @@ class Given(RunObserver):
     def given(self, commands: Mapping[str, Command]) -> None:
         self.steering += [command.steering for command in commands.values()]
 
-    def executed(self, request: Operation) -> None:
+    def executed(self, request: Request) -> None:
         pass
 
     def publish(self, frame: Frame) -> None:
