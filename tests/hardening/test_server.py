@@ -154,8 +154,8 @@ def test_a_flood_of_resets_is_answered_with_few_resets(
     server: SimulationServer, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seeds = []
-    reset = World.reset
-    monkeypatch.setattr(World, "reset", lambda self, seed=None: (seeds.append(seed), reset(self, seed))[1])
+    begin = World.begin
+    monkeypatch.setattr(World, "begin", lambda world, seed, *start: (seeds.append(seed), begin(world, seed, *start))[1])
     with native_client(server) as client:
         ids = [client.begin("Reset", seed=seed) for seed in range(60)]
         answered = {client.answer(id)["id"] for id in ids}
@@ -166,18 +166,19 @@ def test_a_flood_of_resets_is_answered_with_few_resets(
 
 def test_requests_use_at_most_a_fifth_of_the_time(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
     spans = []
-    reset = World.reset
+    apply = World.apply
 
-    def timed(self: World, seed: int | None = None) -> Any:
+    def timed(world: World, request: Request) -> Frame:
         start = time.perf_counter()
-        frame = reset(self, seed)
+        frame = apply(world, request)
         spans.append((start, time.perf_counter()))
         return frame
 
-    monkeypatch.setattr(World, "reset", timed)
+    monkeypatch.setattr(World, "apply", timed)
     with native_client(server) as client:
         for _ in range(8):
             client.ask("Reset")
+    assert len(spans) == 8
     for (start, end), (following, _) in pairwise(spans):
         assert following - end > 3.9 * (end - start)  # the load of the machine makes the left side longer only
 
@@ -187,14 +188,14 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
 ) -> None:
     """Otherwise clients that connect, request and leave, again and again, would let no time for ticks."""
     is_free, begun, received, posted = threading.Event(), threading.Event(), [], []
-    reset, execute, request = World.reset, Requests.execute, Simulation.request
+    apply, execute, request = World.apply, Requests.execute, Simulation.request
 
-    def waiting(self: World, seed: int | None = None) -> Any:
+    def waiting(world: World, request: Request) -> Frame:
         begun.set()
         assert is_free.wait(LIMIT)
-        return reset(self, seed)
+        return apply(world, request)
 
-    monkeypatch.setattr(World, "reset", waiting)
+    monkeypatch.setattr(World, "apply", waiting)
     monkeypatch.setattr(Requests, "execute", lambda *words: (received.append(1), execute(*words))[1])
     monkeypatch.setattr(
         Simulation, "request", lambda *words, **options: (posted.append(1), request(*words, **options))[1]
