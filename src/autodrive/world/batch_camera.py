@@ -145,7 +145,7 @@ class BatchCamera:
         vehicles["lamps"] = _levels(headlights)[(throttle == 0.0) * 1, ((throttle < 0.0) | is_reversing) * 1]
         is_light = self._is_day if is_day is None else is_day
         weathers = [self._weather] * n if weather is None else weather
-        looks = [in_air(DAY if is_light else NIGHT, air_of(one)) for one in weathers]
+        looks = [in_air(DAY if is_light else NIGHT, air_of(world_weather)) for world_weather in weathers]
         return self._renderer.draw_batch(looks, vehicles, objects, is_day=is_light)
 
     def close(self) -> None:

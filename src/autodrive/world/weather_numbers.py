@@ -54,7 +54,7 @@ def _batch(vehicle: str) -> BatchWorld:
 
 
 def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: GroundSpec) -> float:
-    """Of a vehicle that rolls at that speed and brakes on that ground [m], simulated."""
+    """Distance that a vehicle at that speed [m/s] needs to stop with its brake on that ground [m], simulated."""
     batch = _batch(vehicle)
     spec = batch.compiled.vehicles["V1"]
     before = (

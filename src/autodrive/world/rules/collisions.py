@@ -47,9 +47,9 @@ class CollisionMemory(NamedTuple):
     pair: Integers
     """Numbers of the vehicle and the object, shape (p, 2)."""
     impulse: Floats
-    """Sum over the contacts of both [N s], shape (p,)."""
+    """Sum of the impulses of the contacts of both [N s], shape (p,)."""
     place: Floats
-    """Of the first contact in the map [m], shape (p, 3)."""
+    """Position of the first contact of both in the map [m], shape (p, 3)."""
     begun: Integers
     """Number of collisions that begin, shape (1,)."""
 

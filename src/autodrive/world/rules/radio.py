@@ -36,7 +36,7 @@ from autodrive.world.rules.lights import LightColumns
 X, Y, Z, YAW, SPEED, STEERING, LAMPS = range(7)
 """Columns of the message of a vehicle; `LAMPS`: see `lamps_number`."""
 LIGHT_STATE, TIME_TO_CHANGE = 2, 3
-"""Likewise, of a traffic light, behind X and Y; the time [s] is not a number if it never changes."""
+"""Columns of the message of a traffic light, behind X and Y; the time [s] is not a number if it never changes."""
 COLUMNS = 7
 SENT, RECEIVED, CONTENT = 0, 1, 2
 """Columns of what was heard: times [s], and from `CONTENT` on the message."""
@@ -44,17 +44,17 @@ LONGEST = 37.0
 """A random part of the delay is at most this multiple of its mean: -log(2^-53) = 36.7."""
 
 
-class Channel(NamedTuple):
+class RadioChannel(NamedTuple):
     """What does not change; a message is due `samples` times in `ticks`."""
 
     samples: int
     ticks: int
     range: float
-    """[m]."""
+    """Greatest distance of a receiver [m]."""
     delay: float
-    """[s]."""
+    """Least time from sending to reception [s]."""
     jitter: float
-    """[s]."""
+    """Mean of the random part of the delay [s]."""
     loss: float
     position_noise: float
     """[m]."""
@@ -64,7 +64,7 @@ class RadioMemory(NamedTuple):
     """Working memory of a tick."""
 
     messages: Floats
-    """Of all senders, shape (s, COLUMNS). The caller writes the column `LAMPS`."""
+    """Messages of all senders, shape (s, COLUMNS). The caller writes the column `LAMPS`."""
 
 
 class RadioColumns(NamedTuple):
@@ -87,11 +87,11 @@ class RadioColumns(NamedTuple):
     """Latest message that each vehicle heard of each sender; not a number before, shape (n, v, s, 2 + COLUMNS)."""
 
 
-def table(c: CompiledScenario) -> Channel:
+def table(c: CompiledScenario) -> RadioChannel:
     """The channel of a scenario; if nobody sends, it means nothing."""
     spec = c.spec.v2x or V2xSpec()
     due = Schedule.of(spec.rate, Fraction(str(c.spec.tick)))
-    return Channel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
+    return RadioChannel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
 
 
 def columns(c: CompiledScenario, n: int) -> RadioColumns:
@@ -141,7 +141,7 @@ def transmit(
     time: float,
     state: State,
     lights: LightColumns,
-    channel: Channel,
+    channel: RadioChannel,
     radio: RadioColumns,
     memory: RadioMemory,
 ) -> bool:
@@ -175,7 +175,7 @@ def _write_vehicles(state: State, messages: Floats) -> None:
 
 
 @inlined
-def _send(k: int, channel: Channel, radio: RadioColumns, messages: Floats, time: float) -> None:
+def _send(k: int, channel: RadioChannel, radio: RadioColumns, messages: Floats, time: float) -> None:
     stream, vehicles = radio.stream[k], radio.heard.shape[1]
     slot = radio.sendings[k] % radio.sent.shape[1]
     radio.sendings[k] += 1

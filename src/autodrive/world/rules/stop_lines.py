@@ -22,7 +22,7 @@ from autodrive.world.compile import CompiledScenario
 STOP_SPEED = 0.05
 """A slower vehicle has stopped [m/s]."""
 STOP_REACH = 1.0
-"""It must have stopped with its front within so many of its lengths before the stop line."""
+"""Lengths of a vehicle before a stop line within which its front must have stopped."""
 RED = int(TrafficLightState.RED)
 
 
@@ -34,7 +34,7 @@ class StopLineTable(NamedTuple):
     light: Integers
     """Number of its traffic light; -1: it belongs to a stop sign, shape (m,)."""
     fronts: Floats
-    """From the origin of each vehicle to its front [m], shape (v,)."""
+    """Distance from the origin of each vehicle to its front [m], shape (v,)."""
     reach: Floats
     """Distance before a line within which a vehicle must have stopped [m], shape (v,)."""
 
@@ -43,8 +43,8 @@ class StopLineColumns(NamedTuple):
     """n worlds with v vehicles and m stop lines."""
 
     ahead: Floats
-    """From the front of each vehicle to each line, along the heading of the line [m]; not a number: not known, shape
-    (n, v, m)."""
+    """Distance from the front of each vehicle to each line, along the heading of the line [m]; not a number: not
+    known, shape (n, v, m)."""
     has_stopped: NDArray[np.bool_]
     """Whether the vehicle has stopped since it came near to the line of a stop sign, shape (n, v, m)."""
     red_light_count: Integers
