@@ -110,6 +110,7 @@ def judge(
     memory: CollisionMemory,
 ) -> bool:
     """Count the collisions of world k that begin in this tick, and clear the contacts; True if one begins."""
+    # contacts of a vehicle with the solids of one object are one row: the first gives its place, all its impulse
     touching = 0
     for p in range(contacts.pair_count[0]):
         vehicle, solid = contacts.pairs[p, 0], contacts.pairs[p, 1]
@@ -126,6 +127,7 @@ def judge(
         memory.impulse[row] += contacts.impulse[vehicle, solid]
         contacts.impulse[vehicle, solid] = 0.0
     contacts.pair_count[0] = 0
+    # a collision begins if the last contact with that object is long ago; such rows move to the front
     begun = 0
     for row in range(touching):
         vehicle, other = memory.pair[row, 0], memory.pair[row, 1]

@@ -45,10 +45,12 @@ LONGEST = 37.0
 
 
 class RadioChannel(NamedTuple):
-    """What does not change; a message is due `samples` times in `ticks`."""
+    """The radio channel of a scenario, which does not change."""
 
     samples: int
+    """Messages of a sender in `ticks`."""
     ticks: int
+    """Ticks in which `samples` messages are due."""
     range: float
     """Greatest distance of a receiver [m]."""
     delay: float
@@ -56,8 +58,9 @@ class RadioChannel(NamedTuple):
     jitter: float
     """Mean of the random part of the delay [s]."""
     loss: float
+    """Probability that a message is lost, 0 to 1."""
     position_noise: float
-    """[m]."""
+    """Standard deviation of the noise of x and y in a message of a vehicle [m]."""
 
 
 class RadioMemory(NamedTuple):
@@ -74,15 +77,15 @@ class RadioColumns(NamedTuple):
     """
 
     stream: Stream
-    """Shape (n, 3)."""
+    """Random numbers of each channel, shape (n, 3)."""
     sendings: Integers
     """Messages of each sender since the reset, shape (n,)."""
     sent: Floats
-    """Time of each [s], shape (n, c)."""
+    """Time at which each kept message was sent [s], shape (n, c)."""
     content: Floats
-    """Shape (n, c, s, COLUMNS)."""
+    """Content of each kept message of each sender, shape (n, c, s, COLUMNS)."""
     arrival: Floats
-    """Time at which each vehicle gets it [s]; infinite: never, shape (n, c, s, v)."""
+    """Time at which each vehicle gets each kept message [s]; infinite: never, shape (n, c, s, v)."""
     heard: Floats
     """Latest message that each vehicle heard of each sender; not a number before, shape (n, v, s, 2 + COLUMNS)."""
 
@@ -176,18 +179,22 @@ def _write_vehicles(state: State, messages: Floats) -> None:
 
 @inlined
 def _send(k: int, channel: RadioChannel, radio: RadioColumns, messages: Floats, time: float) -> None:
+    """Keep the messages of all senders of world k, and draw when each vehicle gets them."""
     stream, vehicles = radio.stream[k], radio.heard.shape[1]
+    # the oldest messages give way
     slot = radio.sendings[k] % radio.sent.shape[1]
     radio.sendings[k] += 1
     radio.sent[k, slot] = time
     for s in range(messages.shape[0]):
         for column in range(COLUMNS):
             radio.content[k, slot, s, column] = messages[s, column]
+    # the positions that vehicles send are measured
     for i in range(vehicles):
         for axis in range(2):
             chance = uniform(stream)
             if channel.position_noise > 0.0:
                 radio.content[k, slot, i, axis] += channel.position_noise * inverse_normal(chance)
+    # each message is lost, out of range, or arrives after the delay and an exponential part of it
     for s in range(messages.shape[0]):
         for i in range(vehicles):
             fate, lateness = uniform(stream), uniform(stream)

@@ -30,9 +30,9 @@ class StopLineTable(NamedTuple):
     """m stop lines and v vehicles: what does not change."""
 
     lines: Floats
-    """x, y, cosine and sine of the heading, width, whether it belongs to a stop sign, shape (m, 6)."""
+    """x, y of the middle [m], cosine and sine of the heading, width [m], whether a stop sign has it, shape (m, 6)."""
     light: Integers
-    """Number of its traffic light; -1: it belongs to a stop sign, shape (m,)."""
+    """Number of the traffic light of each line; -1: it belongs to a stop sign, shape (m,)."""
     fronts: Floats
     """Distance from the origin of each vehicle to its front [m], shape (v,)."""
     reach: Floats
@@ -178,11 +178,13 @@ def _note_crossings(
     any_crossed = False
     lines, fronts, reach = table.lines, table.fronts, table.reach
     for i in range(fronts.shape[0]):
+        # the middle of the front: from the origin along the x axis of the vehicle
         w, x, y, z = orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3]
         front_x = position[i, 0] + fronts[i] * (1.0 - 2.0 * (y * y + z * z))
         front_y = position[i, 1] + fronts[i] * (2.0 * (x * y + w * z))
         is_slow = abs(velocity[i, 0]) < STOP_SPEED
         for k in range(lines.shape[0]):
+            # the line in its own axes: how far it is ahead of the front, and how far its middle is beside it
             dx, dy = lines[k, 0] - front_x, lines[k, 1] - front_y
             now = dx * lines[k, 2] + dy * lines[k, 3]
             aside = dy * lines[k, 2] - dx * lines[k, 3]
