@@ -63,14 +63,14 @@ class Controls:
         self.restore([VehicleControls(is_autonomous) for is_autonomous in self._is_autonomous.values()])
 
     def index(self, vehicle: str) -> int:
-        """Number of that vehicle. Raises `CommandError` if there is none."""
+        """Number of the vehicle of that name. Raises `CommandError` if there is none."""
         number = self._numbers.get(vehicle) if isinstance(vehicle, str) else None
         if number is None:
             raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(str(vehicle), self.names)}")
         return number
 
     def check_obeys(self, *vehicles: str) -> None:
-        """Raises `CommandError` if one of them belongs to the traffic."""
+        """Raises `CommandError` if one of these vehicles belongs to the traffic."""
         if not self._traffic.isdisjoint(vehicles):
             name = next(vehicle for vehicle in vehicles if vehicle in self._traffic)
             raise drives_itself(name, [driven for driven in self.names if driven not in self._traffic])

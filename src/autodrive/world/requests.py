@@ -57,7 +57,7 @@ class RequestTarget(Protocol):
         ...
 
     def begin(self, seed: int, poses: Mapping[str, Sequence[float]] | None, weather: Weather | None) -> None:
-        """Start again."""
+        """Start again with that seed, these poses and that weather; see `World.reset`."""
 
     def set_back(self, moves: Sequence[Move]) -> bool:
         """Place vehicles where the rules of the race want them; whether one was placed."""

@@ -70,6 +70,6 @@ def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: Gro
 
 
 def _on(ground: GroundSpec, vehicle: VehicleSpec) -> VehicleSpec:
-    """The vehicle whose tyres have the table of that ground on every one."""
+    """The vehicle with tyres that behave on every ground as on that ground."""
     table = TyreWeatherSpec(**surface_of(vehicle, ground)._asdict())
     return vehicle.model_copy(update={"wheels": vehicle.wheels.model_copy(update={"weather": table})})

@@ -213,7 +213,7 @@ class World(OneThread):
         return self._publish(self._cameras.update(frame, redraw=is_moved))
 
     def _publish(self, frame: Frame) -> Frame:
-        """Make that the current Frame."""
+        """Make `frame` the current Frame, and tell the observers."""
         self.frame = frame
         for observer in self.observers:
             observer.publish(frame)

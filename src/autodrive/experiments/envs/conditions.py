@@ -146,7 +146,7 @@ class DelayedDrive:
         """Latest commands, the last one first, shape (depth, n, v, 2)."""
 
     def reset(self, rows: NDArray[np.intp], latency: Floats) -> None:
-        """New episodes in these worlds; `latency` [s], shape (m, v)."""
+        """Start episodes in the m worlds of the numbers `rows`; `latency` of their cars [s], shape (m, v)."""
         self._latency[rows] = np.rint(latency / self._batch.tick_duration)
         self._sent[:, rows] = 0.0
 
@@ -165,5 +165,5 @@ class DelayedDrive:
                 first = tick
 
     def _due(self, ages: Integers) -> Floats:
-        """The commands that were sent so many steps ago, for each car."""
+        """The commands of each car that were sent `ages` steps ago, shape (n, v, 2); `ages`: shape (n, v)."""
         return np.take_along_axis(self._sent, ages[None, :, :, None], axis=0)[0]

@@ -64,9 +64,9 @@ CARS = 4
 ARM = 1.6
 """Distance of starts and goals from the middle of the crossing [m]."""
 LANES = 0.15, 0.45
-"""Distances of the middles of the lanes from that of the road, to the right of it [m]."""
+"""Distances of the middles of both lanes from the middle of the road, to the right of it [m]."""
 HALF = 0.5 * (LANES[0] + LANES[1])
-"""Distance of the middle of the right half of the road from that of the road, to the right of it [m]."""
+"""Distance of the middle of the right half of the road from the middle of the road [m]."""
 WIDTH = 0.6
 """Width of the right half of the road [m]."""
 HALF_TRACK = 0.1

@@ -76,7 +76,7 @@ class Episodes:
             np.array([getattr(feature, limit) for feature in written]) for limit in ("low", "high")
         )
         self.memory = np.zeros((count, task.memory_size))
-        """What the task remembers of each episode; it writes it."""
+        """What the task remembers of each episode and writes in each step, shape (n, memory_size)."""
         self._features = np.zeros((count, len(written)))
         self._numbers = np.zeros((count, len(numbers)), np.float32)
         self._scan_time = np.full(count, np.nan)

@@ -25,7 +25,7 @@ APART = 12.0
 ROWS = 16
 """Tracks above each other; the next ones are beside them."""
 DRAWS = 20
-"""Draws of width, length and radius of a track until it fits on its ground, at most."""
+"""Greatest number of draws of width, length and radius of a track until it fits on its ground."""
 SPACING = 0.05
 """Distance between the points of the centre lines [m], about."""
 CAR_ROOM = 0.3
@@ -38,7 +38,7 @@ class Tracks:
     """Tracks side by side in one map."""
 
     def __init__(self, file: Path, tracks: Sequence[Track]) -> None:
-        """`file`: of the map with all of them."""
+        """`file`: path of the map with all tracks."""
         self.file = file
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         self.length = np.array([track.length for track in tracks])

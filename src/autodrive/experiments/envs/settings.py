@@ -69,7 +69,7 @@ class EnvSettings:
     """Cars that drive themselves in each world, 0 to 50; the map must have lanes for them. Each episode has its own
     places, speeds and ways of them."""
     offence_cost: float = 0.0
-    """Subtracted from the reward for each red light and stop sign that is run, 0 to 1000."""
+    """Cost that each red light and stop sign that is run subtracts from the reward, 0 to 1000."""
     max_episode_steps: int | None = None
     """Steps after which an episode is truncated; None or -1: never."""
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP

@@ -116,7 +116,7 @@ class BatchWorld(OneThread):
         self.weathers = [ChangingWeather().at(0.0)] * n
         """Weather of the present episode of each world, with wetness and snow cover."""
         self._noise = np.full((n, len(c.vehicles)), np.nan)
-        """Factor of the noise that is set in each world."""
+        """Factor of the noise of each vehicle that is set in each world, shape (n, v)."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
@@ -447,7 +447,7 @@ class BatchWorld(OneThread):
 
 
 def _checked_rows(name: str, rows: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:
-    """The numbers in that shape; one row is repeated. Raises `CommandError`."""
+    """The rows as numbers in the given shape; a single row is repeated. Raises `CommandError`."""
     try:
         return np.broadcast_to(np.asarray(rows, dtype=np.float64), shape)
     except (TypeError, ValueError):

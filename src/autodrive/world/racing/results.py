@@ -57,7 +57,7 @@ class Standing:
     penalty: float
     adjusted_time: float
     best_lap: float
-    """0 without a lap that counts."""
+    """Time of the best lap that counts [s]; 0 without one."""
     laps: list[Lap]
 
     @property

@@ -18,7 +18,7 @@ SEPARATION = 0.2
 """A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
 
 NEVER = -(2**62)
-"""The tick of a contact that has not been."""
+"""Stands for the tick of the last contact of a vehicle with an object that it has not touched."""
 
 
 class CollisionTable(NamedTuple):

@@ -91,7 +91,7 @@ class RadioColumns(NamedTuple):
 
 
 def table(c: CompiledScenario) -> RadioChannel:
-    """The channel of a scenario; if nobody sends, it means nothing."""
+    """The radio channel of a scenario; one that nothing uses if the scenario has none."""
     spec = c.spec.v2x or V2xSpec()
     due = Schedule.of(spec.rate, Fraction(str(c.spec.tick)))
     return RadioChannel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
@@ -263,6 +263,6 @@ def lamps_number(lights: Lights) -> int:
 
 
 def lamps_of(number: int) -> Lights:
-    """The lamps that `lamps_number` has made a number."""
+    """The lamps of which `lamps_number` has made that number."""
     headlights, indicators, tail, *rest = (int(value) for value in np.unravel_index(number, LAMP_STATES))
     return Lights(Headlights(headlights), Indicators(indicators), TailLights(tail), *map(bool, rest))

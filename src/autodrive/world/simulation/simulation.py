@@ -382,7 +382,7 @@ class Simulation(Paced):
             self._commands, self._renewable = {}, {}
 
     def _use(self, world: World) -> None:
-        """Run that World from now on."""
+        """Run `world` from now on, and close the World before."""
         before, self.world = self.world, world
         if world is not before:
             before.close()
