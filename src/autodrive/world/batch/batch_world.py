@@ -275,7 +275,7 @@ class BatchWorld(OneThread):
         self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec], weather: Weather
     ) -> tuple[Table, Table]:
         """Tables of vehicles and wheels of a world."""
-        c, placed = self.compiled, self.spec.vehicles
+        c, placed = self.compiled, self.compiled.spec.vehicles  # with the traffic
         specs = {
             name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
             for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
