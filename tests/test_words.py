@@ -33,79 +33,8 @@ KEPT_CLASSES = {
 }
 """Class name with several meanings -> why: names of messages are names of the protocol."""
 
-CLASSES_NOT_YET = frozenset(
-    ("Change", "Channel", "Conditions", "Contacts", "Drawn", "Moment", "Outcome", "Plan", "Race", "World")
-)
-"""Class names with several meanings of which `world` or `experiments/envs` has one that gets another name."""
-
 NOT_YET: dict[str, tuple[int, int]] = {
-    "experiments/envs/adapters/pufferlib.py": (0, 1),
-    "experiments/envs/adapters/rllib.py": (0, 1),
-    "experiments/envs/adapters/rsl_rl.py": (0, 1),
-    "experiments/envs/adapters/stable_baselines3.py": (1, 3),
-    "experiments/envs/conditions.py": (9, 5),
-    "experiments/envs/crossing.py": (1, 10),
-    "experiments/envs/crossing_env.py": (0, 1),
-    "experiments/envs/driving_env.py": (0, 1),
-    "experiments/envs/driving_vector_env.py": (5, 4),
-    "experiments/envs/duel.py": (0, 5),
-    "experiments/envs/duel_env.py": (2, 3),
-    "experiments/envs/episodes.py": (3, 3),
-    "experiments/envs/lane_keeping.py": (2, 7),
-    "experiments/envs/navigation.py": (0, 3),
-    "experiments/envs/own_rules.py": (5, 2),
-    "experiments/envs/parallel_env.py": (0, 1),
-    "experiments/envs/parking.py": (0, 3),
-    "experiments/envs/path.py": (1, 0),
-    "experiments/envs/race_env.py": (0, 2),
-    "experiments/envs/race_tracks.py": (6, 9),
-    "experiments/envs/rendered_world.py": (1, 3),
-    "experiments/envs/roboracer_env.py": (1, 2),
-    "experiments/envs/settings.py": (6, 12),
-    "experiments/envs/several_cars.py": (2, 2),
-    "experiments/envs/shown.py": (0, 3),
-    "experiments/envs/single_env.py": (0, 1),
-    "experiments/envs/task.py": (1, 6),
-    "experiments/envs/time_trial.py": (2, 6),
     "protocol/typescript.py": (8, 0),
-    "world/batch/batch_world.py": (19, 4),
-    "world/batch_camera.py": (1, 0),
-    "world/columns.py": (1, 3),
-    "world/compile.py": (9, 4),
-    "world/conditions.py": (1, 2),
-    "world/contacts.py": (4, 0),
-    "world/controls.py": (2, 1),
-    "world/editing/closing.py": (11, 0),
-    "world/editing/editor.py": (4, 1),
-    "world/editing/map_advice.py": (1, 0),
-    "world/editing/map_edits.py": (8, 1),
-    "world/editing/map_scene.py": (8, 0),
-    "world/editing/track_edits.py": (3, 1),
-    "world/factory.py": (0, 1),
-    "world/placement.py": (7, 1),
-    "world/poses.py": (0, 4),
-    "world/racing/contacts.py": (0, 1),
-    "world/racing/picture.py": (0, 3),
-    "world/racing/race.py": (0, 3),
-    "world/racing/results.py": (3, 4),
-    "world/readings.py": (0, 7),
-    "world/requests.py": (0, 1),
-    "world/rules/collisions.py": (0, 1),
-    "world/rules/daylight.py": (0, 2),
-    "world/rules/lights.py": (0, 4),
-    "world/rules/radio.py": (0, 2),
-    "world/rules/rules.py": (0, 1),
-    "world/rules/stop_lines.py": (0, 3),
-    "world/rules/traffic/drive.py": (2, 14),
-    "world/rules/traffic/rule.py": (0, 1),
-    "world/rules/traffic/start.py": (5, 3),
-    "world/rules/traffic/traffic.py": (6, 0),
-    "world/scene_files.py": (1, 2),
-    "world/simulation/checks.py": (1, 0),
-    "world/simulation/simulation.py": (1, 3),
-    "world/snapshot.py": (0, 1),
-    "world/weather_numbers.py": (0, 1),
-    "world/world.py": (0, 6),
 }
 """File -> vague variables and leaning docstrings that it still has. These numbers only fall."""
 
@@ -199,4 +128,4 @@ def test_a_class_name_has_one_meaning() -> None:
             if isinstance(node, ast.ClassDef):
                 places[node.name.lstrip("_")].append(file)
     several = {name: files for name, files in places.items() if len(files) > 1}
-    assert several.keys() == KEPT_CLASSES.keys() | CLASSES_NOT_YET, several
+    assert several.keys() == KEPT_CLASSES.keys(), several

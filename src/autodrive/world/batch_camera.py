@@ -41,32 +41,32 @@ class BatchState(Protocol):
 
     @property
     def orientation(self) -> Floats:
-        """Quaternion wxyz, map from vehicle, shape (n, v, 4)."""
+        """Orientation of the vehicle, quaternion wxyz, map from vehicle, shape (n, v, 4)."""
         ...
 
     @property
     def throttle(self) -> Floats:
-        """Zero lights the brake lights, negative the reverse lights, shape (n, v)."""
+        """Throttle [-1, 1], shape (n, v): zero lights the brake lights, a negative one the reverse lights."""
         ...
 
     @property
     def wheel_steering_angle(self) -> Floats:
-        """[rad], shape (n, v, 4), as the following arrays."""
+        """Steering angle of each wheel, left positive [rad], shape (n, v, 4)."""
         ...
 
     @property
     def wheel_rotation_angle(self) -> Floats:
-        """[rad]."""
+        """Rotation of each wheel since the reset [rad], shape (n, v, 4)."""
         ...
 
     @property
     def wheel_angular_velocity(self) -> Floats:
-        """[rad/s]; lights the reverse lights."""
+        """Spin of each wheel [rad/s], shape (n, v, 4); if it is negative, the reverse lights are on."""
         ...
 
     @property
     def wheel_compression(self) -> Floats:
-        """[m]."""
+        """Compression of the suspension of each wheel [m], shape (n, v, 4)."""
         ...
 
     @property
@@ -145,7 +145,7 @@ class BatchCamera:
         vehicles["lamps"] = _levels(headlights)[(throttle == 0.0) * 1, ((throttle < 0.0) | is_reversing) * 1]
         is_light = self._is_day if is_day is None else is_day
         weathers = [self._weather] * n if weather is None else weather
-        looks = [in_air(DAY if is_light else NIGHT, air_of(one)) for one in weathers]
+        looks = [in_air(DAY if is_light else NIGHT, air_of(world_weather)) for world_weather in weathers]
         return self._renderer.draw_batch(looks, vehicles, objects, is_day=is_light)
 
     def close(self) -> None:

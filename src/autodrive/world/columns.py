@@ -62,13 +62,13 @@ class Rows(NamedTuple):
     """All that the tick reads and writes."""
 
     model: Model
-    """But for the tables of vehicles and wheels, which each world has."""
+    """Model of the scenario. The tables of its vehicles and wheels are not read: each world has tables of its own."""
     worlds: Worlds
     thread: Thread
     sensors: SensorTables
     rules: RuleTables
     substeps: int
-    """Of a tick."""
+    """Physics steps in a tick."""
     always_engine: int
     """1: the engine moves the bodies in every substep."""
     has_rolling_lidar: int
@@ -76,7 +76,10 @@ class Rows(NamedTuple):
 
 
 def rows_of_batch(c: CompiledScenario, n: int, engines: Sequence[Engine], engine: str) -> list[Rows]:
-    """For n worlds of the scenario: those of each thread, which has an engine. `engine`: see `autodrive.make`."""
+    """The columns of n worlds of the scenario, with the memory of a thread for each of the engines.
+
+    `engine`: see `autodrive.make`.
+    """
     rays, rolling_rays = most_rays(c.sensors.tables)
     v, model, shapes = len(c.vehicles), c.model, c.model.shapes
     columns = c.state._replace(shape_position=np.zeros((0, 3)), shape_rotation=np.zeros((0, 9)))
@@ -94,15 +97,15 @@ def rows_of_batch(c: CompiledScenario, n: int, engines: Sequence[Engine], engine
     )
     threads = [
         Thread(
-            views=one.views(),
+            views=thread_engine.views(),
             contacts=vehicle_contacts(model),
-            scratch=scratch(model, one.body_count),
+            scratch=scratch(model, thread_engine.body_count),
             shape_position=shapes.position.copy(),
             shape_rotation=shapes.rotation.copy(),
             sensors=working_memory(shapes, v, rays),
             rules=rules.new_memory(c),
         )
-        for one in engines
+        for thread_engine in engines
     ]
     tables = rules.new_tables(c)
     return [_rows(c, worlds, thread, tables, engine) for thread in threads]

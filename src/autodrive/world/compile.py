@@ -49,12 +49,12 @@ class CompiledScenario:
     """All parts of a World."""
 
     specs: Specs
-    """What it was compiled from."""
+    """The Specs that were compiled."""
     spec: ScenarioSpec
     """The scenario, with the vehicles on the grid of its track."""
     map: Map
     vehicles: dict[str, VehicleSpec]
-    """By name, in the order of the rows of the Model."""
+    """Spec of each vehicle by name, in the order of the rows of the Model."""
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
     targets: Integers
@@ -72,11 +72,11 @@ class CompiledScenario:
     objects: dict[str, int]
     """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
-    """The same objects in the same order, as they were placed."""
+    """Movable objects as they were placed, in the order of `objects`."""
     map_problems: list[PlacingProblem]
     """What is wrong with a map that is being built, but can be simulated."""
     race: Race | None
-    """None if the scenario has none."""
+    """The scorer of the race; None: the scenario has no race."""
     fleet: Fleet
     """The traffic."""
     owners: list[str]
@@ -108,7 +108,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
     problems += [*unknown_boxes, *wrong_race, *twice]
     warnings = placement_warnings(spec, map_, vehicles, boxes) + traffic_warnings(spec, vehicles)
-    warnings += [(_at("map"), ": ", *one.text) for one in map_problems]
+    warnings += [(_at("map"), ": ", *fault.text) for fault in map_problems]
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))
@@ -150,7 +150,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     state = empty_state(model, engine.body_count)
     objects = {box.name: engine.body(box.name)[1] for box in boxes}
     own = OwnSensors(
-        {name: list(of) for name, of in configured.items()},
+        {name: list(sensors) for name, sensors in configured.items()},
         {name: engine.body(name)[1] for name in vehicles} | objects,
         shapes,
         state,
@@ -197,7 +197,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
 
 
 def _refusal(problems: list[Problem], warnings: list[Problem]) -> SpecProblems:
-    return SpecProblems([*problems, *(("warning: ", *one) for one in warnings)])
+    return SpecProblems([*problems, *(("warning: ", *warning) for warning in warnings)])
 
 
 def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
@@ -229,7 +229,7 @@ def _with_movable(fixed: ShapeTable, geoms: Sequence[Geom], body_vehicle: Mappin
         "dof": np.array([geom.dof for geom in geoms], dtype=np.int64),
         "qpos": np.array([geom.qpos for geom in geoms], dtype=np.int64),
     }
-    return fixed._replace(**{name: np.concatenate([getattr(fixed, name), its]) for name, its in movable.items()})
+    return fixed._replace(**{name: np.concatenate([getattr(fixed, name), column]) for name, column in movable.items()})
 
 
 def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: ShapeTable) -> Integers:
@@ -240,15 +240,16 @@ def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], sh
 
 
 def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
-    """On a race track, vehicles without a pose start on the grid behind the start line."""
+    """Place vehicles without a pose on the grid behind the start line, if the map is a race track."""
     if map_.track is None:
         return spec
     count = len(spec.vehicles)
     placed: dict[str, VehiclePlacement] = {}
-    for place, (name, one) in enumerate(spec.vehicles.items()):
+    for place, (name, placement) in enumerate(spec.vehicles.items()):
         x, y, yaw = map_.track.grid_pose(place, count)
         pose = {"x": round(x, 4), "y": round(y, 4), "yaw_deg": round(math.degrees(yaw), 4)}
-        placed[name] = one if one.model_fields_set & {*pose} else one.model_copy(update=pose)
+        has_pose = bool(placement.model_fields_set & {*pose})
+        placed[name] = placement if has_pose else placement.model_copy(update=pose)
     return spec.model_copy(update={"vehicles": placed})
 
 
@@ -259,11 +260,11 @@ def _at(*location: str | int) -> PlaceInFile:
 
 def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem], list[PlacingProblem]]:
     """The map without its faulty placements, the valid vehicles, the problems of all files, and those of a draft."""
-    map_, found = compile_map(specs.map)
+    map_, map_problems = compile_map(specs.map)
     is_file = isinstance(specs.scenario.map, str)
     path = f"  ({specs.map.path})" if is_file and specs.map.path else ""
-    texts = problem_texts(specs.map, found, has_name=is_file)
-    problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in texts]
+    texts = problem_texts(specs.map, map_problems, has_name=is_file)
+    problems: list[Problem] = [(_at("map"), ": ", *text, path) for text in texts]
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:
@@ -271,7 +272,7 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
         except SpecError as error:
             path = f"  ({error.path})" if error.path else ""
             problems += [(_at("vehicles", name, "type"), f": {text}{path}") for text in error.errors]
-    return map_, vehicles, problems, problems_of_draft(specs.map, found)
+    return map_, vehicles, problems, problems_of_draft(specs.map, map_problems)
 
 
 def _add_traffic(
@@ -364,7 +365,7 @@ def _configured(
         try:
             configured[name] = sensors_of(vehicle, spec.vehicles[name])
         except SpecError as error:
-            problems += [(f"vehicles.{name}.sensors.{one}",) for one in error.errors]
+            problems += [(f"vehicles.{name}.sensors.{text}",) for text in error.errors]
     return configured, problems
 
 
@@ -390,6 +391,10 @@ def _own_sensors(
 
 def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:
     return {
-        name: {camera: its.spec for camera, its in sensors.items() if isinstance(its.spec, CameraSpec) and its.is_on}
+        name: {
+            camera: sensor.spec
+            for camera, sensor in sensors.items()
+            if isinstance(sensor.spec, CameraSpec) and sensor.is_on
+        }
         for name, sensors in configured.items()
     }

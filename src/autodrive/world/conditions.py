@@ -26,11 +26,11 @@ WEATHER_PERIOD = 0.1
 """Tyres and LIDARs follow a ground that becomes wet or dry in steps of this time [s]."""
 
 
-class Conditions:
+class WorldConditions:
     """The light and the weather of a World, and the factors of its vehicles."""
 
     def __init__(self, compiled: CompiledScenario, columns: DaylightColumns) -> None:
-        """`columns`: of the row of the World."""
+        """`columns`: those of the light in the row of the World."""
         self._compiled, self._columns = compiled, columns
         self.spec: ScenarioSpec = compiled.spec
         """The scenario from which a reset starts, with the factors."""
@@ -49,24 +49,24 @@ class Conditions:
         self._period = max(1, round(WEATHER_PERIOD / compiled.spec.tick))
 
     def reset(self, weather: Weather | None, seed: int) -> None:
-        """The light of the scenario, and that weather as after a long time of it; None: that of the scenario."""
+        """Set the light of the scenario, and that weather as after a long time of it; None: that of the scenario."""
         self.light = daylight.light_of(self._columns)
         self.weather = ChangingWeather.settled(self.spec.weather.message if weather is None else weather)
         self._apply(0, seed, is_reset=True)
 
     def set_light(self, light: SceneLight) -> None:
-        """The light from now on."""
+        """Set the light from now on."""
         self.light = light
         daylight.write(self._columns, 0, light)
 
     def set_weather(self, weather: Weather, tick: int, seed: int) -> None:
-        """The weather from that tick on; `seed`: of the last reset."""
+        """Set the weather from that tick on; `seed`: of the last reset."""
         numerator, denominator = self._ratio
         self.weather = self.weather.following(weather, tick * numerator / denominator)
         self._apply(tick, seed)
 
     def with_kept_ground(self, weather: Weather) -> Weather:
-        """That weather, with wetness and snow cover that are held now, unless it has others."""
+        """The weather with the wetness and the snow cover that are held now, unless it has others."""
         held = {name: getattr(self.weather.weather, name) for name in ("wetness", "snow_cover")}
         return replace(weather, **{name: held[name] for name in held if getattr(weather, name) is None})
 
@@ -81,10 +81,10 @@ class Conditions:
         self._apply(tick, seed, is_reset=is_reset)
 
     def set_factors(self, factors: Mapping[str, Mapping[str, float]]) -> None:
-        """See `World.set_factors`. Raises `CommandError`."""
+        """Set the factors with which vehicles start from the next reset on. Raises `CommandError`."""
         c = self._compiled
-        for vehicle, given in factors.items():
-            for name, factor in given.items():
+        for vehicle, vehicle_factors in factors.items():
+            for name, factor in vehicle_factors.items():
                 least, most = FACTOR_LIMITS.get(name, (math.inf, -math.inf))
                 if not (is_number(factor) and least <= factor <= most):
                     raise CommandError(f"factor {name} of vehicle '{vehicle}' cannot be {factor!r}")

@@ -23,12 +23,12 @@ def shapes_of(compiled: CompiledScenario) -> Shapes:
     c = compiled
     shapes = c.model.shapes
 
-    def chosen(which: Any) -> CollisionShapes:
+    def chosen(rows: Any) -> CollisionShapes:
         return CollisionShapes(
-            kind=np.ascontiguousarray(shapes.kind[which]),
-            size=np.ascontiguousarray(shapes.size[which]),
-            position=np.ascontiguousarray(shapes.position[which]),
-            rotation=np.ascontiguousarray(shapes.rotation[which]),
+            kind=np.ascontiguousarray(shapes.kind[rows]),
+            size=np.ascontiguousarray(shapes.size[rows]),
+            position=np.ascontiguousarray(shapes.position[rows]),
+            rotation=np.ascontiguousarray(shapes.rotation[rows]),
         )
 
     owners = np.array(c.owners[1:])  # solid 0 is the floor
@@ -38,9 +38,9 @@ def shapes_of(compiled: CompiledScenario) -> Shapes:
         fixed=chosen(slice(shapes.n_fixed)),
         sensors={
             vehicle: {
-                name: Pose(np.array(one.spec.mount.position), np.array(one.spec.mount.orientation))
-                for name, one in sensors.items()
-                if one.is_on and hasattr(one.spec, "mount")
+                name: Pose(np.array(sensor.spec.mount.position), np.array(sensor.spec.mount.orientation))
+                for name, sensor in sensors.items()
+                if sensor.is_on and hasattr(sensor.spec, "mount")
             }
             for vehicle, sensors in c.configured.items()
         },
@@ -51,7 +51,7 @@ def contact_forces(compiled: CompiledScenario, duration: float) -> dict[str, Con
     """What pushes each vehicle, after a tick of that `duration` [s] and before the rules have judged its contacts."""
     c = compiled
     pairs = c.contacts.pairs[: c.contacts.pair_count[0]].tolist()
-    found: dict[str, ContactForces] = {}
+    forces: dict[str, ContactForces] = {}
     for i, name in enumerate(c.vehicles):
         orientation = c.state.vehicle_orientation[i].tolist()
         parts, position, force = _wheels(i, orientation, c.model, c.state)
@@ -63,36 +63,43 @@ def contact_forces(compiled: CompiledScenario, duration: float) -> dict[str, Con
                 position.append(rotate(inverse(orientation), place))
                 force.append(rotate(inverse(orientation), impulse / duration))
         arrays = (read_only_copy(np.array(rows).reshape(-1, 3)) for rows in (position, force))
-        found[name] = ContactForces(tuple(parts), *arrays)
-    return found
+        forces[name] = ContactForces(tuple(parts), *arrays)
+    return forces
 
 
 def _wheels(
     i: int, orientation: Quaternion, model: Model, state: State
 ) -> tuple[list[str], list[Vector], list[Vector]]:
     """Parts, positions [m] and forces [N] of the wheels that the ground carries, in the frame of vehicle i."""
-    of = slice(4 * i, 4 * i + 4)
+    rows = slice(4 * i, 4 * i + 4)  # the vehicle's wheels in the Model and in the State
+    # the normal of the ground, which is flat: the z axis of the map in the axes of the vehicle
     ux, uy, uz = rotate(inverse(orientation), (0.0, 0.0, 1.0))
     parts: list[str] = []
     position: list[Vector] = []
     force: list[Vector] = []
     for name, (x, y, z), radius, load, (along, aside), angle, compression in zip(
         WHEEL_NAMES,
-        model.wheels["hub"][of].tolist(),
-        model.wheels["radius"][of].tolist(),
-        state.wheel_normal_load[of].tolist(),
-        state.wheel_force[of].tolist(),
-        state.wheel_steering_angle[of].tolist(),
-        state.wheel_compression[of].tolist(),
+        model.wheels["hub"][rows].tolist(),
+        model.wheels["radius"][rows].tolist(),
+        state.wheel_normal_load[rows].tolist(),
+        state.wheel_force[rows].tolist(),
+        state.wheel_steering_angle[rows].tolist(),
+        state.wheel_compression[rows].tolist(),
         strict=True,
     ):
         if load <= 0.0:
             continue
+        # the direction in which the wheel points, without its part along the normal: l lies in the ground
         ahead, left = math.cos(angle), math.sin(angle)
         up = ahead * ux + left * uy
         length = math.sqrt(1.0 - up * up)
         lx, ly, lz = (ahead - up * ux) / length, (left - up * uy) / length, -up * uz / length
-        sx, sy, sz = uy * lz - uz * ly, uz * lx - ux * lz, ux * ly - uy * lx  # to the left
+        sx, sy, sz = (
+            uy * lz - uz * ly,
+            uz * lx - ux * lz,
+            ux * ly - uy * lx,
+        )  # s = u x l: in the ground, to the left of the wheel
+        # where the tyre touches: a radius below the hub, which the suspension has raised
         parts.append(name)
         position.append((x - radius * ux, y - radius * uy, z + compression - radius * uz))
         force.append(

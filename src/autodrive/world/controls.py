@@ -51,9 +51,9 @@ class Controls:
         self._timeout = timeout
         self._traffic = frozenset(traffic)
         self.throttle = np.zeros(len(self._is_autonomous))
-        """What the vehicles obey in this tick, shape (n_vehicle,); see `update`."""
+        """Throttle that the vehicles obey in this tick [-1, 1], shape (n_vehicle,); see `update`."""
         self.steering = np.zeros(len(self._is_autonomous))
-        """Likewise."""
+        """Steering that the vehicles obey in this tick [-1, 1], left positive, shape (n_vehicle,); see `update`."""
         self.names = list(self._is_autonomous)
         self._numbers = {name: i for i, name in enumerate(self.names)}
         self.reset()
@@ -63,17 +63,17 @@ class Controls:
         self.restore([VehicleControls(is_autonomous) for is_autonomous in self._is_autonomous.values()])
 
     def index(self, vehicle: str) -> int:
-        """Number of that vehicle. Raises `CommandError` if there is none."""
+        """Number of the vehicle of that name. Raises `CommandError` if there is none."""
         number = self._numbers.get(vehicle) if isinstance(vehicle, str) else None
         if number is None:
             raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(str(vehicle), self.names)}")
         return number
 
     def check_obeys(self, *vehicles: str) -> None:
-        """Raises `CommandError` if one of them belongs to the traffic."""
+        """Raises `CommandError` if one of these vehicles belongs to the traffic."""
         if not self._traffic.isdisjoint(vehicles):
-            name = next(one for one in vehicles if one in self._traffic)
-            raise drives_itself(name, [one for one in self.names if one not in self._traffic])
+            name = next(vehicle for vehicle in vehicles if vehicle in self._traffic)
+            raise drives_itself(name, [driven for driven in self.names if driven not in self._traffic])
 
     def accept(self, commands: Mapping[str, Command], tick: int) -> None:
         """Take commands at that tick. Raises `CommandError` if one of them is wrong, and takes none of them then."""

@@ -59,7 +59,7 @@ def new_world(
     cameras: bool | str | Callable[[CompiledScenario], CameraBackend] = False,
     engine: Literal["auto", "always"] = "auto",
 ) -> World:
-    """As `make`, for callers that show `World.warnings` in another way."""
+    """Make a World as `make` does, but without showing `World.warnings`, for callers that show them in another way."""
     descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     if seed is not None:
         check_seed(seed)

@@ -26,7 +26,7 @@ from autodrive.protocol.messages import (
     WheelsReading,
 )
 from autodrive.world.compile import CompiledScenario
-from autodrive.world.conditions import Conditions
+from autodrive.world.conditions import WorldConditions
 from autodrive.world.controls import VehicleControls
 
 REVERSE_SPEED = -0.05 * RPM
@@ -36,7 +36,7 @@ REVERSE_SPEED = -0.05 * RPM
 class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
-    def __init__(self, compiled: CompiledScenario, conditions: Conditions) -> None:
+    def __init__(self, compiled: CompiledScenario, conditions: WorldConditions) -> None:
         self._conditions = conditions
         self._own_sensors = compiled.own_sensors
         self._numbers = numbers(compiled.state)

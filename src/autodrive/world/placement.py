@@ -39,10 +39,10 @@ def overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: Sequence[BoxPlacemen
     own = [box for box in boxes if box.name in spec.boxes]
     if not own:
         return []
-    others = [one for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
+    others = [solid for solid in (*boxes, *map_.statics) if solid.name not in spec.boxes]
     solids: list[Solid] = [(_at("boxes", box.name), box.plan, *box.span) for box in own]
-    solids += [(f"'{one.name}'", one.plan, *one.span) for one in others]
-    return [one.text for one in overlaps(solids, len(own))]
+    solids += [(f"'{other.name}'", other.plan, *other.span) for other in others]
+    return [overlap.text for overlap in overlaps(solids, len(own))]
 
 
 def placement_warnings(
@@ -50,7 +50,7 @@ def placement_warnings(
 ) -> list[Problem]:
     """A problem for each vehicle or box outside the walls, and each vehicle with small colliders or a wrong inertia."""
     places = {name: _at("vehicles", name) for name in spec.vehicles} | {name: _at("boxes", name) for name in spec.boxes}
-    positions = {name: (one.x, one.y) for name, one in spec.vehicles.items()}
+    positions = {name: (placement.x, placement.y) for name, placement in spec.vehicles.items()}
     positions |= {box.name: box.position[:2] for box in boxes}
     return [
         *(
@@ -71,7 +71,7 @@ def traffic_warnings(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) ->
             (PlaceInFile("scenario", ("traffic",)), ": without 'cars' there is no traffic; write for example cars: 5")
         ]
     cars = [vehicles[name] for name in traffic.names if name in vehicles]
-    top = min((one.drivetrain.speed_limit * one.wheels.radius for one in cars), default=traffic.speed)
+    top = min((car.drivetrain.speed_limit * car.wheels.radius for car in cars), default=traffic.speed)
     if traffic.speed <= top:
         return []
     text = f": cars of the type '{traffic.type}' drive at most {top:.3g} m/s, not {traffic.speed:g} m/s"
@@ -79,8 +79,12 @@ def traffic_warnings(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) ->
 
 
 def warnings_about(name: str, warnings: Sequence[Problem]) -> list[Problem]:
-    """Those that concern a vehicle or box of the scenario."""
-    return [one for one in warnings if any(isinstance(part, PlaceInFile) and part.location[-1] == name for part in one)]
+    """The warnings that concern the vehicle or box of that name in the scenario."""
+    return [
+        warning
+        for warning in warnings
+        if any(isinstance(part, PlaceInFile) and part.location[-1] == name for part in warning)
+    ]
 
 
 def _at(key: str, name: str) -> PlaceInFile:
@@ -101,7 +105,9 @@ def _outside(map_: Map, x: float, y: float) -> str:
 def _too_small(vehicle: VehicleSpec) -> str:
     """Says that the colliders of a vehicle reach over a small part of its size; empty if they do not."""
     wheel = np.array([vehicle.wheels.radius, vehicle.wheels.width / 2.0, vehicle.wheels.radius])
-    boxes = [(one.position, np.array(one.size) / 2.0) for one in (*vehicle.platforms, vehicle.lidar_collider)]
+    boxes = [
+        (collider.position, np.array(collider.size) / 2.0) for collider in (*vehicle.platforms, vehicle.lidar_collider)
+    ]
     boxes += [(hub, wheel) for hub in vehicle.hubs]
     middles, halves = np.array([middle for middle, _ in boxes]), np.array([half for _, half in boxes])
     reach = (middles + halves).max(axis=0) - (middles - halves).min(axis=0)

@@ -31,10 +31,10 @@ class Poses:
         """The vehicles that are held, with their poses."""
         heights = {box.name: 0.5 * box.size[2] for box in compiled.boxes}
         self._heights = heights | {name: vehicle.ride_height for name, vehicle in compiled.vehicles.items()}
-        """Of the origin of each vehicle and object on the ground [m]."""
+        """Height of the origin of each vehicle and object that stands on the ground [m], by name."""
 
     def noun(self, name: str) -> str:
-        """Such as "vehicle 'V1'", for messages."""
+        """Kind and name of a vehicle or an object for messages, such as "vehicle 'V1'"."""
         return f"object '{name}'" if name in self._compiled.objects else f"vehicle '{name}'"
 
     def check_name(self, name: object) -> None:
@@ -144,7 +144,7 @@ class Poses:
         return False
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
-        """See `World.hold`."""
+        """Hold a vehicle at rest at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""
         self._controls.index(vehicle)
         if position is None:
             self.held.pop(vehicle, None)
@@ -180,7 +180,7 @@ class Poses:
             raise CommandError(f"{self.noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
 
     def _checked(self, name: str, pose: Any) -> Floats:
-        """As an array with a quaternion of length 1. Raises `CommandError`."""
+        """The pose as an array (position [m], quaternion wxyz of length 1), shape (7,). Raises `CommandError`."""
         is_row = isinstance(pose, Sequence) or (isinstance(pose, np.ndarray) and pose.ndim == 1)
         values = list(pose) if is_row else []
         if len(values) == 7 and all(is_number(value, MAX_DISTANCE) for value in values):

@@ -21,64 +21,67 @@ class Readings(NamedTuple):
     """
 
     time: Floats
-    """Since the reset of each world [s], shape (n,)."""
+    """Time since the reset of each world [s], shape (n,)."""
     tick: Integers
-    """Likewise, in ticks."""
+    """Ticks since the reset of each world, shape (n,)."""
     is_unstable: NDArray[np.bool_]
-    """Whether the physics has diverged (`World.step` raises `EngineError`); such a world waits for its reset."""
+    """Whether the physics has diverged (`World.step` raises `EngineError`), shape (n,); such a world waits for its
+    reset."""
     position: Floats
     """Centre of the rear axle in the map [m], shape (n, v, 3)."""
     orientation: Floats
-    """Quaternion wxyz, map from vehicle, shape (n, v, 4)."""
+    """Orientation of the vehicle, quaternion wxyz, map from vehicle, shape (n, v, 4)."""
     velocity: Floats
-    """Of that point, in vehicle axes [m/s], shape (n, v, 3)."""
+    """Velocity of the centre of the rear axle in vehicle axes [m/s], shape (n, v, 3)."""
     angular_velocity: Floats
-    """In vehicle axes [rad/s], shape (n, v, 3)."""
+    """Angular velocity of the vehicle in vehicle axes [rad/s], shape (n, v, 3)."""
     throttle: Floats
     """Throttle after the dead time of the drive [-1, 1], shape (n, v)."""
     steering: Floats
     """Angle of the steering actuator, left positive [rad], shape (n, v)."""
     wheel_steering_angle: Floats
-    """[rad], shape (n, v, 4), wheels in the order of `WHEEL_NAMES`; likewise the next six."""
+    """Steering angle of each wheel, left positive [rad], shape (n, v, 4), in the order of `WHEEL_NAMES`."""
     wheel_rotation_angle: Floats
-    """[rad]."""
+    """Rotation of each wheel since the reset [rad], shape (n, v, 4)."""
     wheel_angular_velocity: Floats
-    """[rad/s]."""
+    """Spin of each wheel [rad/s], shape (n, v, 4)."""
     wheel_compression: Floats
-    """[m]."""
+    """Compression of the suspension of each wheel [m], shape (n, v, 4)."""
     wheel_normal_load: Floats
-    """[N]."""
+    """Load of the ground on each wheel [N], shape (n, v, 4)."""
     wheel_slip_ratio: Floats
+    """Longitudinal slip of each wheel, shape (n, v, 4)."""
     wheel_slip_angle: Floats
-    """[rad]."""
+    """Slip angle of each wheel [rad], shape (n, v, 4)."""
     encoder_time: Floats
-    """Time of the latest reading [s], shape (n, v)."""
+    """Time of the latest reading of the encoders [s], shape (n, v)."""
     encoder_ticks: Integers
-    """Left and right, shape (n, v, 2)."""
+    """Encoder counts of the left and the right rear wheel, shape (n, v, 2)."""
     encoder_angles: Floats
-    """[rad], shape (n, v, 2)."""
+    """Angles of the left and the right rear wheel [rad], shape (n, v, 2)."""
     ips_time: Floats
-    """Time of the latest reading [s], shape (n, v)."""
+    """Time of the latest reading of the IPS [s], shape (n, v)."""
     ips_position: Floats
-    """[m], shape (n, v, 3)."""
+    """Latest position of the IPS in the map [m], shape (n, v, 3)."""
     imu_time: Floats
-    """Time of the latest reading [s], shape (n, v)."""
+    """Time of the latest reading of the IMU [s], shape (n, v)."""
     imu_orientation: Floats
-    """Quaternion wxyz, shape (n, v, 4)."""
+    """Orientation that the IMU measured, quaternion wxyz, map from vehicle, shape (n, v, 4)."""
     imu_euler: Floats
-    """Roll, pitch, yaw [rad], shape (n, v, 3)."""
+    """Roll, pitch and yaw that the IMU measured [rad], shape (n, v, 3)."""
     imu_angular_velocity: Floats
-    """[rad/s], shape (n, v, 3)."""
+    """Angular velocity that the IMU measured, in vehicle axes [rad/s], shape (n, v, 3)."""
     imu_linear_acceleration: Floats
-    """[m/s^2], shape (n, v, 3)."""
+    """Linear acceleration that the IMU measured, in vehicle axes [m/s^2], shape (n, v, 3)."""
     lidar_ranges: Floats
-    """[m], shape (n, v, most rays of a LIDAR); not a number where a vehicle has fewer rays or no LIDAR."""
+    """Ranges of the latest LIDAR scan [m], shape (n, v, most rays of a LIDAR); not a number where a vehicle has
+    fewer rays or no LIDAR."""
     lidar_time: Floats
     """Time of the scan [s], shape (n, v); not a number without a LIDAR."""
     range_distance: Floats
-    """[m], shape (n, v); not a number without a range sensor."""
+    """Latest distance of the range sensor [m], shape (n, v); not a number without one."""
     range_time: Floats
-    """Time of that reading [s], likewise."""
+    """Time of the latest reading of the range sensor [s], shape (n, v); not a number without one."""
     collision_count: Integers
     """Collisions since the reset, shape (n, v)."""
     has_collided: NDArray[np.bool_]
@@ -92,16 +95,16 @@ class Readings(NamedTuple):
     light_state: Integers
     """`TrafficLightState` of the l traffic lights of the map, as their programs say, shape (n, l)."""
     light_time_to_change: Floats
-    """Time until it changes [s], likewise; not a number if it never changes."""
+    """Time until the state of each traffic light changes [s], shape (n, l); not a number if it never changes."""
     heard_vehicles: Floats
     """The latest radio message that each vehicle heard of each other: times of sending and reception [s], position
     x, y, z [m], yaw [rad], speed [m/s], steering [rad], as in `HeardVehicle`, shape (n, v, v, 8). Not a number before
     the first one; without a channel shape (n, v, 0, 8)."""
     heard_lights: Floats
-    """Likewise of the traffic lights: times of sending and reception [s], place x, y of the light [m],
-    `TrafficLightState`, time to change [s], shape (n, v, l, 6)."""
+    """The latest radio message that each vehicle heard of each traffic light: times of sending and reception
+    [s], place x, y of the light [m], `TrafficLightState`, time to change [s], shape (n, v, l, 6)."""
     object_pose: Floats
-    """Position in the map [m] and quaternion wxyz, shape (n, o, 7)."""
+    """Position in the map [m] and quaternion wxyz of each movable object, shape (n, o, 7)."""
     sensor_times: Floats
     """Times of all sensors [s]; see `sensor`."""
     sensor_values: Floats

@@ -27,7 +27,7 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Drawn
 from autodrive.scenario.maps.map import Map
 from autodrive.world.compile import CompiledScenario
-from autodrive.world.conditions import Conditions
+from autodrive.world.conditions import WorldConditions
 from autodrive.world.controls import Controls
 from autodrive.world.observer import Request, ResetTo, SetPoses, hold, plain
 from autodrive.world.poses import Poses
@@ -37,7 +37,7 @@ from autodrive.world.rules import lights
 from autodrive.world.rules.daylight import SceneLight
 
 
-class World(Protocol):
+class RequestTarget(Protocol):
     """What requests read and change of a World; see `autodrive.world.World`."""
 
     map: Map
@@ -47,7 +47,7 @@ class World(Protocol):
     seed: int
     drawings: dict[str, Drawn]
     controls: Controls
-    conditions: Conditions
+    conditions: WorldConditions
     poses: Poses
     row: Row
 
@@ -57,7 +57,7 @@ class World(Protocol):
         ...
 
     def begin(self, seed: int, poses: Mapping[str, Sequence[float]] | None, weather: Weather | None) -> None:
-        """Start again."""
+        """Start again with that seed, these poses and that weather; see `World.reset`."""
 
     def set_back(self, moves: Sequence[Move]) -> bool:
         """Place vehicles where the rules of the race want them; whether one was placed."""
@@ -67,11 +67,11 @@ class World(Protocol):
         """Vehicle i was placed by hand."""
 
 
-class Change(NamedTuple):
-    """What a request has changed."""
+class AppliedRequest(NamedTuple):
+    """A request that a World has executed, and what follows from it."""
 
     request: Request
-    """As the observers are told, with values that can be recorded."""
+    """The request as the observers are told it, with values that can be recorded."""
     events: tuple[Event, ...] = ()
     is_moved: bool = False
     """Whether images of the cameras are outdated."""
@@ -79,49 +79,51 @@ class Change(NamedTuple):
     """Whether a Frame follows."""
 
 
-def _reset(world: World, request: Reset | ResetTo) -> Change:
+def _reset(world: RequestTarget, request: Reset | ResetTo) -> AppliedRequest:
     poses, weather = (None, None) if isinstance(request, Reset) else (request.poses, request.weather)
     if request.seed is not None:
         check_seed(request.seed)
     if weather is not None:
         check_weather(weather)
     world.begin(world.seed if request.seed is None else int(request.seed), poses, weather)
-    return Change(ResetTo(request.seed, plain(poses or {}), weather) if poses or weather else Reset(request.seed))
+    return AppliedRequest(
+        ResetTo(request.seed, plain(poses or {}), weather) if poses or weather else Reset(request.seed)
+    )
 
 
-def _teleport(world: World, request: Teleport) -> Change:
+def _teleport(world: RequestTarget, request: Teleport) -> AppliedRequest:
     name, x, y, yaw = request.vehicle, request.x, request.y, request.yaw
     _place(world, {name: world.poses.on_ground(name, x, y, yaw)})
-    return Change(Teleport(name, float(x), float(y), float(yaw)), is_moved=True)
+    return AppliedRequest(Teleport(name, float(x), float(y), float(yaw)), is_moved=True)
 
 
-def _set_poses(world: World, request: SetPoses) -> Change:
+def _set_poses(world: RequestTarget, request: SetPoses) -> AppliedRequest:
     _place(world, request.poses)
-    return Change(SetPoses(plain(request.poses)), is_moved=True)
+    return AppliedRequest(SetPoses(plain(request.poses)), is_moved=True)
 
 
-def _place(world: World, poses: Mapping[str, Any]) -> None:
+def _place(world: RequestTarget, poses: Mapping[str, Any]) -> None:
     world.poses.place(poses)
     for i, name in enumerate(world.vehicle_names):
         if name in poses:
             world.note_moved(i)
 
 
-def _hold(world: World, request: Hold) -> Change:
+def _hold(world: RequestTarget, request: Hold) -> AppliedRequest:
     world.poses.hold(request.vehicle, request.position, request.orientation)
-    return Change(hold(request.vehicle, request.position, request.orientation), has_frame=False)
+    return AppliedRequest(hold(request.vehicle, request.position, request.orientation), has_frame=False)
 
 
-def _set_driving_mode(world: World, request: SetDrivingMode) -> Change:
+def _set_driving_mode(world: RequestTarget, request: SetDrivingMode) -> AppliedRequest:
     vehicle, is_autonomous = request.vehicle, request.is_autonomous
     check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
     number = world.controls.index(vehicle)
     world.controls.check_obeys(vehicle)
     world.controls.vehicles[number].is_autonomous = bool(is_autonomous)
-    return Change(SetDrivingMode(vehicle, bool(is_autonomous)))
+    return AppliedRequest(SetDrivingMode(vehicle, bool(is_autonomous)))
 
 
-def _retire(world: World, request: Retire) -> Change | None:
+def _retire(world: RequestTarget, request: Retire) -> AppliedRequest | None:
     vehicle, reason, race = request.vehicle, request.reason, world.race
     i = world.controls.index(vehicle)
     if race is None:
@@ -133,49 +135,49 @@ def _retire(world: World, request: Retire) -> Change | None:
         return None
     status = RaceStatus.DISQUALIFIED if request.is_disqualified else RaceStatus.RETIRED
     event, moves = race.end(i, status, reason, world.time, world.compiled.state.vehicle_position)
-    return Change(request, (event,), is_moved=world.set_back(moves))
+    return AppliedRequest(request, (event,), is_moved=world.set_back(moves))
 
 
-def _set_scene_light(world: World, request: SetSceneLight) -> Change:
+def _set_scene_light(world: RequestTarget, request: SetSceneLight) -> AppliedRequest:
     check_flag(request.enabled, "the scene light")
     return _set_light(world, SceneLight(bool(request.enabled)), SetSceneLight(bool(request.enabled)))
 
 
-def _set_time_of_day(world: World, request: SetTimeOfDay) -> Change:
+def _set_time_of_day(world: RequestTarget, request: SetTimeOfDay) -> AppliedRequest:
     light = world.conditions.light.following(request.time, request.scale, world.time)
     return _set_light(world, light, request)
 
 
-def _set_light(world: World, light: SceneLight, request: Request) -> Change:
+def _set_light(world: RequestTarget, light: SceneLight, request: Request) -> AppliedRequest:
     before = world.conditions.light.at(world.time)
     world.conditions.set_light(light)
     world.row.show_lights()
-    return Change(request, is_moved=before != light.at(world.time))
+    return AppliedRequest(request, is_moved=before != light.at(world.time))
 
 
-def _set_weather(world: World, request: SetWeather) -> Change:
+def _set_weather(world: RequestTarget, request: SetWeather) -> AppliedRequest:
     conditions, weather = world.conditions, request.weather
     check_weather(weather)
     if request.keeps_ground:
         weather = conditions.with_kept_ground(weather)
     before = conditions.shown
     conditions.set_weather(weather, world.row.tick, world.seed)
-    return Change(SetWeather(weather), is_moved=before != conditions.shown)
+    return AppliedRequest(SetWeather(weather), is_moved=before != conditions.shown)
 
 
-def _set_traffic_light(world: World, request: SetTrafficLight) -> Change:
+def _set_traffic_light(world: RequestTarget, request: SetTrafficLight) -> AppliedRequest:
     light, columns = request.light, world.row.rules.lights
     state = lights.set_light(world.map.traffic_lights, columns, light, request.state)
     world.row.show_lights()
-    return Change(SetTrafficLight(light, state), is_moved=True)
+    return AppliedRequest(SetTrafficLight(light, state), is_moved=True)
 
 
-def _draw(world: World, request: Draw) -> Change:
+def _draw(world: RequestTarget, request: Draw) -> AppliedRequest:
     world.drawings = drawn_after(world.drawings, request, world.time)
-    return Change(request, has_frame=False)
+    return AppliedRequest(request, has_frame=False)
 
 
-EXECUTE: Mapping[type, Callable[[World, Any], Change | None]] = {
+EXECUTE: Mapping[type, Callable[[RequestTarget, Any], AppliedRequest | None]] = {
     Reset: _reset,
     ResetTo: _reset,
     Teleport: _teleport,

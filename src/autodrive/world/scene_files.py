@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from autodrive.world import World
 
 PLAN_RESOLUTION = 60.0
-"""Of the drawing of the map [pixels/m]; browsers scale it."""
+"""Resolution of the drawing of the map [pixels/m]; browsers scale it."""
 
 FOLDER = "scene"
 """Folder of the files, relative to the page."""
@@ -76,9 +76,9 @@ class SceneFiles:
 class _Files:
     content: dict[str, bytes] = field(default_factory=dict)
 
-    def url(self, kind: store.Kind, of: Any) -> str:
+    def url(self, kind: store.Kind, source: Any) -> str:
         """Address of the file, relative to the page."""
-        return self.add(*store.file(kind, of))
+        return self.add(*store.file(kind, source))
 
     def map(self, map_: Map, *, is_draft: bool) -> tuple[str, list[str]]:
         """Address of the file of the map, and those of its ground, which is in several files while it is built."""
@@ -145,7 +145,10 @@ def _sensor(sensor: ConfiguredSensor) -> SensorScene:
 
 
 def sensor_noise(sensors: Mapping[str, ConfiguredSensor]) -> dict[str, float]:
-    """See `VehicleScene.sensor_noise`; rounding to a step d adds the variance d^2 / 12."""
+    """Standard deviations of the noise of the readings that the page shows, by name; see `VehicleScene.sensor_noise`.
+
+    Rounding to a step d adds the variance d^2 / 12.
+    """
     noises: dict[str, NoiseSpec] = {
         "encoder_angle": sensors["encoders"].spec.noise,
         "ips": sensors["ips"].spec.noise,

@@ -23,7 +23,7 @@ class Snapshot(NamedTuple):
     """Identity of the world, the same for all worlds that the snapshot fits."""
     seed: int
     row: Worlds
-    """Of the World; see `columns.saved_row`."""
+    """Numbers of the World; see `columns.saved_row`."""
     weather: ChangingWeather
     parts: dict[str, Any]
     """What the parts of the World have saved that are not in its row, by name."""

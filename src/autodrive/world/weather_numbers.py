@@ -54,7 +54,7 @@ def _batch(vehicle: str) -> BatchWorld:
 
 
 def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: GroundSpec) -> float:
-    """Of a vehicle that rolls at that speed and brakes on that ground [m], simulated."""
+    """Distance that a vehicle at that speed [m/s] needs to stop with its brake on that ground [m], simulated."""
     batch = _batch(vehicle)
     spec = batch.compiled.vehicles["V1"]
     before = (
@@ -70,6 +70,6 @@ def _stopping_distance(vehicle: str, speed: float, weather: Weather, ground: Gro
 
 
 def _on(ground: GroundSpec, vehicle: VehicleSpec) -> VehicleSpec:
-    """The vehicle whose tyres have the table of that ground on every one."""
+    """The vehicle with tyres that behave on every ground as on that ground."""
     table = TyreWeatherSpec(**surface_of(vehicle, ground)._asdict())
     return vehicle.model_copy(update={"wheels": vehicle.wheels.model_copy(update={"weather": table})})

@@ -41,7 +41,7 @@ from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.columns import saved_row, without_tables
 from autodrive.world.compile import CompiledScenario
-from autodrive.world.conditions import Conditions
+from autodrive.world.conditions import WorldConditions
 from autodrive.world.contacts import contact_forces
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
@@ -81,15 +81,15 @@ class World(OneThread):
         self.draw = DrawCalls(self.show_drawings)
         """Draws points, lines and texts into the view."""
         self.drawings: dict[str, Drawn] = {}
-        """By name; each change makes another dictionary. They belong neither to the State nor to a Snapshot."""
+        """Drawings in the view by name, outside of State and Snapshots; each change makes another dictionary."""
         self.contact_forces: dict[str, ContactForces] = {}
         """What pushed each vehicle in the last tick, while `watch_contacts` is on."""
         self.watches_contacts = False
-        """See `watch_contacts`."""
+        """Whether `contact_forces` follows each tick; see `watch_contacts`."""
         self.compiled = compiled
         """Model, State and engine; what changes them changes the results."""
         self.specs = compiled.specs
-        """Of the scenario and of its files."""
+        """The Specs of the scenario and of its files."""
         self.map = compiled.map
         self.sensors = compiled.configured
         """Sensors and cameras, also those that are off, by vehicle and name."""
@@ -100,7 +100,7 @@ class World(OneThread):
         """Probable mistakes in the scenario, as parts of their texts; see `autodrive.base.specs.joined`."""
         self.tick_duration = compiled.spec.tick
         self.seed = compiled.spec.seed
-        """Of all noise since the last reset."""
+        """Seed of all noise since the last reset."""
         self.race = compiled.race
         """The race of the scenario; None if it has none."""
         tick = Fraction(str(compiled.spec.tick))
@@ -113,10 +113,10 @@ class World(OneThread):
         """Commands, driving modes and lamps of the vehicles."""
         self.row = Row(compiled, self.controls, engine)
         """The numbers of the World, and the stages of the tick that change them."""
-        self.conditions = Conditions(compiled, self.row.rules.daylight)
+        self.conditions = WorldConditions(compiled, self.row.rules.daylight)
         """Light, weather and the factors of the vehicles; change them with requests."""
         self.poses = Poses(compiled, self.controls)
-        """Of vehicles and objects; change them with requests."""
+        """Poses of vehicles and objects; change them with requests."""
         self._cameras = cameras or NoCameras()
         self._frames = FrameBuilder(compiled, self.conditions)
         self.reset()
@@ -213,7 +213,7 @@ class World(OneThread):
         return self._publish(self._cameras.update(frame, redraw=is_moved))
 
     def _publish(self, frame: Frame) -> Frame:
-        """Make that the current Frame."""
+        """Make `frame` the current Frame, and tell the observers."""
         self.frame = frame
         for observer in self.observers:
             observer.publish(frame)
@@ -452,7 +452,7 @@ class World(OneThread):
 
     @cached_property
     def _identity(self) -> str:
-        """Of the world, for its snapshots."""
+        """Hash of all that a snapshot must have in common with this world."""
         return identity(self.compiled, self.conditions.wheels(Weather()))
 
     @by_one_thread

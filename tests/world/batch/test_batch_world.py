@@ -16,7 +16,7 @@ from autodrive import Command, Frame, make
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.yaml_files import find
-from autodrive.protocol.messages import RedLight, StopSign
+from autodrive.protocol.messages import RedLight, StopSign, Weather
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement, load_scenario
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
@@ -302,6 +302,19 @@ def test_the_traffic_does_not_depend_on_the_number_of_threads() -> None:
         for name in ("position", "velocity", "steering", "collision_count"):
             np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
     assert len({*batches[0].readings.position[:, 1, 0].tolist()}) > 20  # other seeds, other ways
+
+
+def test_the_traffic_has_the_weather_and_the_factors_of_each_world() -> None:
+    spec = ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 2}, "weather": {"rain": 0.5}})
+    batch, world = BatchWorld(spec, 2, seed=3), make(spec, seed=4)
+    for is_changed in (False, True):
+        if is_changed:
+            batch.reset([1], mass=1.3, grip=0.7, weather=Weather(snow=1.0))
+            world.set_factors({name: {"mass": 1.3, "grip": 0.7} for name in world.vehicle_names})
+            world.reset(weather=Weather(snow=1.0))
+        for _ in range(60):
+            world.step({"V1": Command(0.3, 0.1)})
+        assert_same(batch.step(np.full((2, 1, 2), (0.3, 0.1)), ticks=60), 1, world.frame)
 
 
 def test_the_traffic_of_a_batch_obeys_no_commands() -> None:

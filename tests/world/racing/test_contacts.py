@@ -11,7 +11,7 @@ import pytest
 from autodrive.protocol.messages import Collision, RacePenalty
 from autodrive.scenario.tracks import Track
 from autodrive.world.racing import Race, RaceRules, load_rules
-from autodrive.world.racing.contacts import Contacts, Fault
+from autodrive.world.racing.contacts import ContactJudge, Fault
 
 STRAIGHT, RADIUS, WIDTH = 20.0, 2.5, 1.0
 TURN = math.pi * RADIUS
@@ -38,7 +38,7 @@ OVAL = oval()
 
 def judge(first: Motion, second: Motion) -> Fault:
     """The fault of the contact at the end of these motions."""
-    contacts = Contacts(OVAL, 2, TICK)
+    contacts = ContactJudge(OVAL, 2, TICK)
     for k in range(-160, 1):
         places = [motion(k * TICK) for motion in (first, second)]
         s = np.array([place[0] % OVAL.length for place in places])
@@ -149,7 +149,7 @@ def test_a_car_that_drives_on_after_a_set_back_rejoins_for_two_seconds(after: fl
 
 
 def test_what_was_before_a_car_was_placed_elsewhere_does_not_count() -> None:
-    contacts = Contacts(OVAL, 2, TICK)
+    contacts = ContactJudge(OVAL, 2, TICK)
     for k in range(-40, 1):
         if k == -5:
             contacts.placed(1)

@@ -20,23 +20,27 @@ from autodrive.world.batch.batch_world import LIMITS
 Range: TypeAlias = float | tuple[float, float]
 """One value, or the least and the greatest one."""
 MOST_LATENCY = 0.5
-"""[s]."""
+"""Greatest time from an action until a car obeys it [s]."""
 WEATHER = ("fog", "rain", "snow")
 """The amounts of a `Weather` that are drawn."""
 
 
-class Drawn(NamedTuple):
-    """The conditions of one car in one episode."""
+class CarConditions(NamedTuple):
+    """What is drawn for one car in one episode; see `Conditions`."""
 
     friction: float
+    """Factor of the friction of the tyres."""
     mass: float
+    """Factor of the mass and the inertia."""
     noise: float
+    """Factor of the noise of the sensors."""
     latency: float
+    """Time from an action until the car obeys it [s]."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Raises `SpecError` with all errors."""
+    """What the episodes of an environment draw, each from its range. Raises `SpecError` with all errors."""
 
     friction: Range = 1.0
     """Factor of the friction of the tyres, 0.01 to 10."""
@@ -47,11 +51,11 @@ class Conditions:
     latency: Range = 0.0
     """Time from an action until the car obeys it [s], 0 to 0.5; rounded to ticks."""
     fog: Range = 0.0
-    """Amount, 0 to 1; see `Weather`. The weather is the same for all cars of a world."""
+    """Amount of fog, 0 to 1; see `Weather`. The weather is the same for all cars of a world."""
     rain: Range = 0.0
-    """Likewise."""
+    """Amount of rain, 0 to 1; see `Weather`."""
     snow: Range = 0.0
-    """Likewise."""
+    """Amount of snow, 0 to 1; see `Weather`."""
 
     def __post_init__(self) -> None:
         errors = range_errors(
@@ -66,63 +70,69 @@ class Conditions:
         if errors:
             raise SpecError(errors)
 
-    def draw(self, rng: np.random.Generator) -> Drawn:
-        """Of one car, each from its range with equal probability."""
-        return Drawn(*(_drawn(getattr(self, name), rng) for name in Drawn._fields))
+    def draw(self, rng: np.random.Generator) -> CarConditions:
+        """Draw the conditions of one car, each from its range with equal probability."""
+        return CarConditions(*(_drawn(getattr(self, name), rng) for name in CarConditions._fields))
 
     def draw_weather(self, rng: np.random.Generator) -> Weather | None:
-        """Of one world, likewise; None: no amount is given, so that it is that of the scenario.
+        """Draw the weather of one world; None: no amount is set, so that the scenario decides it.
 
         Without a range of weather, no random number is drawn.
         """
         ranges = {name: getattr(self, name) for name in WEATHER}
         if not any(ranges.values()):
             return None
-        return Weather(**{name: _drawn(one, rng) if isinstance(one, tuple) else one for name, one in ranges.items()})
+        return Weather(
+            **{name: _drawn(amount, rng) if isinstance(amount, tuple) else amount for name, amount in ranges.items()}
+        )
 
 
-def checked_conditions(given: object, names: Collection[str]) -> Conditions:
+def checked_conditions(conditions: object, names: Collection[str]) -> Conditions:
     """Conditions of an environment that draws only these. Raises `SpecError`."""
-    if not isinstance(given, Conditions):
-        raise SpecError([f"conditions: must be Conditions(...), not {given!r}"])
-    others = [one.name for one in fields(given) if one.name not in names and getattr(given, one.name) != one.default]
+    if not isinstance(conditions, Conditions):
+        raise SpecError([f"conditions: must be Conditions(...), not {conditions!r}"])
+    others = [
+        condition.name
+        for condition in fields(conditions)
+        if condition.name not in names and getattr(conditions, condition.name) != condition.default
+    ]
     if others:
         raise SpecError(
             [f"conditions: this environment does not draw {', '.join(others)}. It draws: {', '.join(names)}"]
         )
-    return given
+    return conditions
 
 
-def _drawn(given: Range, rng: np.random.Generator) -> float:
-    least, most = given if isinstance(given, tuple) else (given, given)
+def _drawn(limits: Range, rng: np.random.Generator) -> float:
+    least, most = limits if isinstance(limits, tuple) else (limits, limits)
     return least + (most - least) * float(rng.random())
 
 
-def range_errors(given: Mapping[str, tuple[object, float, float]]) -> list[str]:
-    """What is no `Range`; by name: a setting, and its least and greatest value."""
+def range_errors(settings: Mapping[str, tuple[object, float, float]]) -> list[str]:
+    """An error for each setting that is no `Range`. `settings`: value, least and greatest value by name."""
     return [
-        f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {one!r}"
-        for name, (one, least, most) in given.items()
-        if not _is_range(one, least, most)
+        f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {value!r}"
+        for name, (value, least, most) in settings.items()
+        if not _is_range(value, least, most)
     ]
 
 
-def whole_number_errors(given: Mapping[str, tuple[object, int, int]]) -> list[str]:
-    """What is no whole number, likewise."""
+def whole_number_errors(settings: Mapping[str, tuple[object, int, int]]) -> list[str]:
+    """An error for each setting that is no whole number within its limits; `settings`: see `range_errors`."""
     return [
-        f"{name}: must be a whole number from {least} to {most}, not {one!r}"
-        for name, (one, least, most) in given.items()
-        if isinstance(one, bool) or not isinstance(one, Integral) or not least <= int(one) <= most
+        f"{name}: must be a whole number from {least} to {most}, not {value!r}"
+        for name, (value, least, most) in settings.items()
+        if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most
     ]
 
 
-def _is_range(given: object, least: float, most: float) -> bool:
-    ends: tuple[object, ...] = given if isinstance(given, tuple) else (given, given)
+def _is_range(value: object, least: float, most: float) -> bool:
+    ends: tuple[object, ...] = value if isinstance(value, tuple) else (value, value)
     numbers = [float(end) for end in ends if isinstance(end, int | float) and not isinstance(end, bool)]
     return len(numbers) == len(ends) == 2 and least <= numbers[0] <= numbers[1] <= most
 
 
-class Drive:
+class DelayedDrive:
     """Drives the cars of a batch: commands take effect after the latency of each car."""
 
     def __init__(self, batch: BatchWorld, frame_skip: int) -> None:
@@ -131,12 +141,12 @@ class Drive:
         depth = 2 + math.ceil(round(MOST_LATENCY / batch.tick_duration) / frame_skip)
         shape = batch.n, len(batch.commanded_names)
         self._latency: Integers = np.zeros(shape, np.int64)
-        """[ticks]."""
+        """Latency of each car [ticks], shape (n, v)."""
         self._sent = np.zeros((depth, *shape, 2))
-        """Latest commands, the last one first."""
+        """Latest commands, the last one first, shape (depth, n, v, 2)."""
 
     def reset(self, rows: NDArray[np.intp], latency: Floats) -> None:
-        """New episodes in these worlds; `latency` [s], shape (m, v)."""
+        """Start episodes in the m worlds of the numbers `rows`; `latency` of their cars [s], shape (m, v)."""
         self._latency[rows] = np.rint(latency / self._batch.tick_duration)
         self._sent[:, rows] = 0.0
 
@@ -155,5 +165,5 @@ class Drive:
                 first = tick
 
     def _due(self, ages: Integers) -> Floats:
-        """The commands that were sent so many steps ago, for each car."""
+        """The commands of each car that were sent `ages` steps ago, shape (n, v, 2); `ages`: shape (n, v)."""
         return np.take_along_axis(self._sent, ages[None, :, :, None], axis=0)[0]

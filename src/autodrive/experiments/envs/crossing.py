@@ -46,8 +46,8 @@ from autodrive.base.jit import jit
 from autodrive.experiments.envs.task import (
     CarReadings,
     Feature,
-    Outcome,
     Start,
+    StepOutcome,
     Task,
     heading,
     turned,
@@ -64,13 +64,13 @@ CARS = 4
 ARM = 1.6
 """Distance of starts and goals from the middle of the crossing [m]."""
 LANES = 0.15, 0.45
-"""Distances of the middles of the lanes from that of the road, to the right of it [m]."""
+"""Distances of the middles of both lanes from the middle of the road, to the right of it [m]."""
 HALF = 0.5 * (LANES[0] + LANES[1])
-"""Likewise, of the middle of the right half of the road."""
+"""Distance of the middle of the right half of the road from the middle of the road [m]."""
 WIDTH = 0.6
-"""Of the right half of the road [m]."""
+"""Width of the right half of the road [m]."""
 HALF_TRACK = 0.1
-"""From the middle of the car to the outer side of its rear wheels, rounded up [m]."""
+"""Distance from the middle of the car to the outer side of its rear wheels, rounded up [m]."""
 NEAR = 0.15
 """Tolerance of a goal [m]."""
 THROTTLES = 0.9, 1.0
@@ -78,11 +78,11 @@ THROTTLES = 0.9, 1.0
 DISTANCES, ASIDE, TURN = (1.3, 1.9), 0.03, 0.1
 """Starts of the variant "own": from the middle [m], beside the lane [m], off its direction [rad]."""
 TIME_COST, END = 0.002, 2.0
-"""Parts of its reward."""
+"""Parts of the reward of the variant "own": cost of a step, and value of success and failure."""
 COSINE = 0.5
-"""Of the greatest angle from the direction of the road."""
+"""Cosine of the greatest angle from the direction of the road."""
 LENGTH, SPEED, AGE, STEERING, RATE = 4.0, 0.5, 20.0, 0.5, 2.0
-"""Units of its observation: [m], [m/s], steps, [rad], [rad/s]."""
+"""Units of the observation of the variant "own": [m], [m/s], steps, [rad], [rad/s]."""
 STEP_RATE = 1.0 + 1e-9
 """Messages of a car in a step: a little more than one, because one that is rounded down would be a tick too late."""
 
@@ -93,19 +93,19 @@ PEER = 6
 """Numbers of the observation of the variant "own" about each other car."""
 
 WHEEL_RADIUS = 0.0325
-"""[m]: vehicles/nigel.yaml."""
+"""Radius of the wheels [m]: vehicles/nigel.yaml."""
 OTHERS = range(1, CARS)
 PUBLISHED = (
     Feature("goal_x", -10.0, 10.0, "x of the goal relative to the car, axes of the map [m]"),
-    Feature("goal_y", -10.0, 10.0, "y, likewise"),
+    Feature("goal_y", -10.0, 10.0, "y of the goal relative to the car, axes of the map [m]"),
     *(
         Feature(f"peer_{k}_{name}", -limit, limit, text)
         for k in OTHERS
         for name, limit, text in (
             ("x", 10.0, "x of another car relative to the car, axes of the map [m]"),
-            ("y", 10.0, "y, likewise"),
-            ("yaw", 2.0 * math.pi, "its yaw minus that of the car [rad]"),
-            ("speed", 2.0, "its speed, from the encoders [m/s]"),
+            ("y", 10.0, "y of another car relative to the car, axes of the map [m]"),
+            ("yaw", 2.0 * math.pi, "yaw of another car minus that of the car [rad]"),
+            ("speed", 2.0, "speed of another car, from the encoders [m/s]"),
         )
     ),
 )
@@ -114,7 +114,7 @@ OWN = (
     Feature("yaw_rate", -2.0, 2.0, f"/ ({RATE:g} rad/s), left positive"),
     Feature("steering", -2.0, 2.0, f"angle of the steering actuator / ({STEERING} rad), left positive"),
     Feature("goal_x", -2.0, 2.0, f"x of the goal in the vehicle frame / ({LENGTH:g} m)"),
-    Feature("goal_y", -2.0, 2.0, "y, likewise"),
+    Feature("goal_y", -2.0, 2.0, f"y of the goal in the vehicle frame / ({LENGTH:g} m)"),
     Feature("lane", -2.0, 2.0, "distance from the middle of the right half of the road / (0.3 m), left positive"),
     Feature("road_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the road"),
     Feature("road_sin", -1.0, 1.0, "sine of that angle, left positive"),
@@ -123,18 +123,18 @@ OWN = (
         for k in OTHERS
         for name, limit, text in (
             ("x", 2.0, f"x of another car in the vehicle frame, as last heard / ({LENGTH:g} m)"),
-            ("y", 2.0, "y, likewise"),
-            ("cos", 1.0, "cosine of the angle from the car to the heading of that car"),
+            ("y", 2.0, f"y of another car in the vehicle frame, as last heard / ({LENGTH:g} m)"),
+            ("cos", 1.0, "cosine of the angle from the heading of the car to that of another car"),
             ("sin", 1.0, "sine of that angle, left positive"),
-            ("speed", 2.0, f"its forward speed / ({SPEED} m/s)"),
-            ("age", 1.0, f"steps since that message / {AGE:g}"),
+            ("speed", 2.0, f"forward speed of another car, as last heard / ({SPEED} m/s)"),
+            ("age", 1.0, f"steps since the last message of another car / {AGE:g}"),
         )
     ),
 )
 
 
 class Crossing(Task):
-    """See the module."""
+    """The task of the crossing in one of its variants, which the text of the module describes."""
 
     name = "crossing"
     observation = "state"
@@ -157,9 +157,9 @@ class Crossing(Task):
         rate = STEP_RATE / self._duration if rate is None else rate
         limits = {"loss": (loss, 0.0, 1.0), "delay": (delay, 0.0, 10.0), "rate": (rate, 0.1, 1e3)}
         errors = [
-            f"{name}: must be a number from {least:g} to {most:g}, not {one!r}"
-            for name, (one, least, most) in limits.items()
-            if not (is_number(one) and least <= one <= most)
+            f"{name}: must be a number from {least:g} to {most:g}, not {value!r}"
+            for name, (value, least, most) in limits.items()
+            if not (is_number(value) and least <= value <= most)
         ]
         if errors:
             raise SpecError(errors)
@@ -178,11 +178,11 @@ class Crossing(Task):
         )
 
     def start(self, rng: np.random.Generator) -> Start:
-        """That of the first car."""
+        """Draw the start of the first car."""
         return self.starts(rng)[0]
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
-        """A car in each arm."""
+        """Draw the starts of the four cars, one in each arm."""
         return [self._start(arm, rng) for arm in range(CARS)]
 
     def _start(self, arm: int, rng: np.random.Generator) -> Start:
@@ -197,11 +197,11 @@ class Crossing(Task):
         return Start({f"V{arm + 1}": _pose(arm, distance, right, turn)}, memory)
 
     def throttle_factors(self, memory: Floats) -> Floats:
-        """See `Task.throttle_factors`."""
+        """Factor by which the throttle of each car is multiplied, shape (n,)."""
         return memory[:, FACTOR]
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`; the cars of a world follow each other."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`. The cars of a world follow each other."""
         if self.is_published:
             _judge_published(cars, self._duration, memory, features, outcome)
         else:
@@ -216,7 +216,7 @@ def _pose(arm: int, distance: float, right: float, turn: float) -> tuple[float, 
 
 
 DIRECTIONS = np.array([(-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0)])
-"""In which the car of each arm drives on, shape (4, 2); the next but two is to the right of it."""
+"""Direction in which the car of each arm drives, unit vectors, shape (4, 2); the right of arm k is arm (k + 3) % 4."""
 
 
 @jit
@@ -235,20 +235,23 @@ def _away(cars: CarReadings, i: int, x: float, y: float) -> float:
 
 @jit
 def _rounded(value: float) -> float:
-    """To 0.001."""
+    """The value rounded to 0.001."""
     return float(np.rint(1000.0 * value) / 1000.0)
 
 
 @jit
 def _yaw(cars: CarReadings, i: int) -> float:
-    """0 to 2 pi [rad]."""
+    """Yaw angle of car i, 0 to 2 pi [rad]."""
     c, s = heading(cars, i)
     yaw = atan2(s, c)
     return yaw if yaw >= 0.0 else yaw + 2.0 * math.pi
 
 
 @jit
-def _judge_published(cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
+def _judge_published(
+    cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: StepOutcome
+) -> None:
+    # speeds of all cars from their encoders, before the first observation needs them
     speed = np.zeros(len(memory))
     for i in range(len(memory)):
         angle = 0.5 * (cars.encoder_angles[i, 0] + cars.encoder_angles[i, 1])
@@ -256,6 +259,7 @@ def _judge_published(cars: CarReadings, duration: float, memory: Floats, feature
             speed[i] = WHEEL_RADIUS * (angle - memory[i, ANGLE]) / duration
         memory[i, ANGLE] = angle
         memory[i, STEP] += 1.0
+    # goal and other cars in the axes of the map, then the reward
     for i in range(len(memory)):
         x, y = _goal(int(memory[i, ARM_OF]), HALF)
         features[i, 0], features[i, 1] = _rounded(x - cars.position[i, 0]), _rounded(y - cars.position[i, 1])
@@ -276,10 +280,11 @@ def _judge_published(cars: CarReadings, duration: float, memory: Floats, feature
 
 
 @jit
-def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
+def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
     for i in range(len(memory)):
         arm = int(memory[i, ARM_OF])
         along, across = DIRECTIONS[arm], DIRECTIONS[(arm + 3) % 4]
+        # the car in the axes of its road, from the middle of the crossing: how far it has driven, and how far right
         px, py = cars.position[i, 0], cars.position[i, 1]
         driven, right = px * along[0] + py * along[1], px * across[0] + py * across[1]
         c, s = heading(cars, i)
@@ -290,6 +295,7 @@ def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats,
         features[i, 3], features[i, 4] = goal_x / LENGTH, goal_y / LENGTH
         features[i, 5] = (HALF - right) / (0.5 * WIDTH)
         features[i, 6], features[i, 7] = turned(along[0], along[1], c, s)
+        # what was last heard of the other cars, in the axes of this car as it is now
         for k in range(1, CARS):
             peer = features[i, 8 + PEER * (k - 1) : 8 + PEER * k]
             heard = cars.heard[i, (i + k) % CARS]
@@ -300,6 +306,7 @@ def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats,
             peer[0], peer[1] = x / LENGTH, y / LENGTH
             peer[2], peer[3] = turned(cos(heard[5]), sin(heard[5]), c, s)
             peer[4], peer[5] = heard[6] / SPEED, (cars.time[i] - heard[0]) / duration / AGE
+        # the end: the outer side of the rear wheels beside the half of the road, or the line across the goal
         is_beside = abs(right - HALF) > 0.5 * WIDTH - HALF_TRACK
         has_failed = cars.collision_count[i] > 0 or is_beside or features[i, 6] < COSINE
         is_there = driven >= ARM - NEAR and not has_failed

@@ -12,7 +12,7 @@ from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, Seve
 from autodrive.experiments.envs.variants import Variant, action_of
 
 STEPS = 600
-"""Of an episode, unless something else is chosen: half a minute."""
+"""Steps of an episode, unless something else is chosen: half a minute."""
 
 
 class CrossingVectorEnv(SeveralCarsVectorEnv):

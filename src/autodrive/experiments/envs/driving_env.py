@@ -38,5 +38,5 @@ class DrivingEnv(SingleEnv):
         return self.rendered.world.frame
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """With 'rgb_array', the image of Driver's Eye; with 'human' the page shows the car."""
+        """The image of Driver's Eye with 'rgb_array'; None with 'human': the page shows the car."""
         return self.rendered.render()

@@ -32,7 +32,7 @@ from autodrive.experiments.envs.settings import (
     made_task,
     whole_seed,
 )
-from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Outcome, Start, Task
+from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Start, StepOutcome, Task
 from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
 
@@ -52,7 +52,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     """Names of the `Conditions` that an episode draws."""
 
     setting_names: Collection[str] = ALL - OF_CARS
-    """Of the `EnvSettings` that it has."""
+    """Names of the `EnvSettings` that the environment has."""
 
     def __init__(self, num_envs: int = 1, task: str | Task = "lane_keeping", **settings: Any) -> None:
         """`task`: its name, or one that is already made. `settings`: see `EnvSettings`.
@@ -88,7 +88,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         self._has_offences = bool(self.batch.map.stop_lines)
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
-        """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
+        """Steps of the present episodes; a learning library may write others, so that not all are truncated at once."""
         self._has_ended = np.zeros(num_envs, np.bool_)
 
     def _worlds(self, count: int, threads: int | None) -> Any:
@@ -179,7 +179,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         return {"image": self._images(), "state": numbers}
 
     def _images(self) -> NDArray[np.uint8]:
-        """Of the front cameras, shape (num_envs, height, width, 3)."""
+        """Images of the front cameras, shape (num_envs, height, width, 3)."""
         return self._camera.render(self.batch.readings, weather=self.batch.weathers)
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -198,8 +198,9 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
             seeds.append(int(rng.integers(2**31)))
             starts += self.task.starts(rng)
         poses: dict[str, list[Ground]] = {}
-        for name, pose in (item for start in starts for item in start.poses.items()):
-            poses.setdefault(name, []).append(pose)
+        for start in starts:
+            for name, pose in start.poses.items():
+                poses.setdefault(name, []).append(pose)
         self._reset_worlds(worlds, np.array(seeds), {name: np.array(all_) for name, all_ in poses.items()})
         rows = np.flatnonzero(mask)
         self._episodes.begin(rows, starts, self._cars())
@@ -209,7 +210,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         """Run the ticks of one action, shape (worlds, cars, 2), in these worlds, shape (worlds,)."""
         self.batch.step(commands, self.settings.frame_skip, worlds)
 
-    def _judge(self) -> Outcome:
+    def _judge(self) -> StepOutcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
         self._seen = self._cars()
@@ -218,7 +219,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     def _cars(self) -> CarReadings:
         return CarReadings.of(self.batch.readings, self.car_count)
 
-    def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
+    def _ends(self, outcome: StepOutcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""
         ended = outcome.has_ended
         if self.car_count == 1:
@@ -231,11 +232,11 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         self.batch.reset(worlds, seeds, poses=poses, weather=self._weathers(worlds, self.conditions))
 
     def _weathers(self, worlds: NDArray[np.intp], conditions: Conditions) -> list[Weather] | None:
-        """Of new episodes in these worlds; None: that of the scenario."""
-        generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
-        return [one for rng in generators if (one := conditions.draw_weather(rng)) is not None] or None
+        """Draw the weather of new episodes in these worlds; None: that of the scenario."""
+        generators = [rng for world in worlds.tolist() if (rng := self._rngs[world]) is not None]
+        return [drawn for rng in generators if (drawn := conditions.draw_weather(rng)) is not None] or None
 
-    def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
+    def _values(self, outcome: StepOutcome) -> dict[str, NDArray[Any]]:
         """What the infos say after a step."""
         values: dict[str, NDArray[Any]] = {"is_success": outcome.is_success}
         if self._has_offences:
@@ -247,7 +248,9 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
         observations = np.full(self.num_envs, None, dtype=object)
         seen = self._observations()
         for row in np.flatnonzero(ended).tolist():
-            observations[row] = {k: one[row] for k, one in seen.items()} if isinstance(seen, dict) else seen[row]
+            observations[row] = (
+                {name: part[row] for name, part in seen.items()} if isinstance(seen, dict) else seen[row]
+            )
         final = _masked(values, ended)
         return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
 
@@ -285,7 +288,7 @@ def _world_seeds(seed: object, count: int) -> list[int | None]:
         first = whole_seed(seed)
         assert first is not None
         return [first + k for k in range(count)]
-    seeds = [whole_seed(one) for one in seed]  # pyright: ignore[reportGeneralTypeIssues]
+    seeds = [whole_seed(world_seed) for world_seed in seed]  # pyright: ignore[reportGeneralTypeIssues]
     if len(seeds) != count:
         raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
     return seeds

@@ -32,15 +32,15 @@ import numpy as np
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit
 from autodrive.experiments.envs.path import follow
-from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, Start
+from autodrive.experiments.envs.task import CarReadings, Feature, Start, StepOutcome
 from autodrive.experiments.envs.time_trial import DRIVEN, PLACE, TRACK, TimeTrial
 from autodrive.experiments.envs.variants import Variant, choices, is_published
 
 RAYS, RAY_DEGREES = 27, 10.0
 RAY_RANGE = 10.0
-"""[m]: that of the LIDAR."""
+"""Greatest range of a ray, which is that of the LIDAR [m]."""
 CHECKPOINTS = 8
-"""Of a lap, at equal distances."""
+"""Number of checkpoints of a lap, at equal distances."""
 OWN_GAIN, WIN = 0.2, 5.0
 """Factor of the own distance in the reward of a step, and the reward of the end, of the variant "own"."""
 LIDAR = TimeTrial.scan
@@ -49,7 +49,7 @@ BEST, MARK = TimeTrial.memory_size, TimeTrial.memory_size + 1
 """More columns of the memory: best time of a lap before this episode [s], and the checkpoints that are passed."""
 
 BEARINGS = [RAY_DEGREES * ((k + 1) // 2) * (-1.0 if k % 2 else 1.0) for k in range(RAYS)]
-"""Of the rays [deg], left positive."""
+"""Bearings of the rays [deg], left positive."""
 FIRST, EACH = -135.0, 0.25
 """Bearing of the first ray of the LIDAR, and the angle between two [deg]: vehicles/roboracer.yaml."""
 PUBLISHED = (
@@ -58,7 +58,7 @@ PUBLISHED = (
         for bearing in BEARINGS
         for feature in (
             Feature(f"miss_{bearing:g}", 0.0, 1.0, f"1 if the ray at {bearing:g} degrees, left positive, hits nothing"),
-            Feature(f"distance_{bearing:g}", 0.0, 1.0, "its distance / (10 m)"),
+            Feature(f"distance_{bearing:g}", 0.0, 1.0, "distance at which that ray hits something / (10 m)"),
         )
     ),
     Feature("speed", 0.0, 25.0, "absolute forward speed [m/s], rounded to 0.01"),
@@ -76,7 +76,7 @@ OWN = (
 
 
 class Duel(TimeTrial):
-    """See the module."""
+    """The task of the duel in one of its variants, which the text of the module describes."""
 
     name = "duel"
     observation = "state"
@@ -100,11 +100,11 @@ class Duel(TimeTrial):
         self._rays = np.array([round((bearing - FIRST) / EACH) for bearing in BEARINGS])
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
-        """See `TimeTrial.starts`."""
+        """Draw the starts of both cars; see `TimeTrial.starts`."""
         return [start._replace(memory=(*start.memory, math.inf, 0.0)) for start in super().starts(rng)]
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`; the two cars of a world follow each other."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`. The two cars of a world follow each other."""
         t = self.tracks
         gains = np.zeros(len(memory))
         _follow(cars, t.lines, t.count, t.length, self._reach, memory, gains)
@@ -139,7 +139,7 @@ def _see_rays(cars: CarReadings, rays: Integers, features: Floats) -> None:
 
 
 @jit
-def _judge_published(cars: CarReadings, lengths: Floats, memory: Floats, outcome: Outcome) -> None:
+def _judge_published(cars: CarReadings, lengths: Floats, memory: Floats, outcome: StepOutcome) -> None:
     for i in range(len(memory)):
         length = lengths[int(memory[i, TRACK])]
         has_collided, has_lapped = cars.collision_count[i] > 0, memory[i, DRIVEN] >= length
@@ -174,7 +174,7 @@ def _see_sectors(cars: CarReadings, features: Floats) -> None:
 
 
 @jit
-def _judge(cars: CarReadings, lengths: Floats, laps: int, gains: Floats, memory: Floats, outcome: Outcome) -> None:
+def _judge(cars: CarReadings, lengths: Floats, laps: int, gains: Floats, memory: Floats, outcome: StepOutcome) -> None:
     for i in range(len(memory)):
         rival = i + 1 if i % 2 == 0 else i - 1
         goal = laps * lengths[int(memory[i, TRACK])]

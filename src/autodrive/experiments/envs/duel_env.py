@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Bools
 
 STEPS = 4800
-"""Of an episode, unless something else is chosen: two minutes."""
+"""Steps of an episode, unless something else is chosen: two minutes."""
 
 
 class DuelVectorEnv(SeveralCarsVectorEnv):
@@ -56,13 +56,13 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
 
     @property
     def distance(self) -> Floats:
-        """Of each car since the start line, along the centre line [m], shape (num_envs,)."""
+        """Distance of each car along the centre line since the start line [m], shape (num_envs,)."""
         return self._episodes.memory[:, DRIVEN].copy()
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """See `DrivingVectorEnv.reset`. With a seed, the best laps are forgotten, too."""
+        """Start all episodes; see `DrivingVectorEnv.reset`. With a seed, the best laps are forgotten, too."""
         if seed is not None:
             self._episodes.memory[:, BEST] = np.inf
         return super().reset(seed=seed, options=options)
@@ -73,8 +73,8 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
         self._episodes.memory[:, BEST] = best
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
-        generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
-        noise = np.array([[self.conditions.draw(one).noise for _ in range(self.car_count)] for one in generators])
+        generators = [rng for world in worlds.tolist() if (rng := self._rngs[world]) is not None]
+        noise = np.array([[self.conditions.draw(rng).noise for _ in range(self.car_count)] for rng in generators])
         weathers = self._weathers(worlds, self.conditions)
         self.batch.reset(worlds, seeds, poses=poses, noise=noise, weather=weathers)
 

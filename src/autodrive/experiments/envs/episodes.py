@@ -13,7 +13,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.jit import jit
 from autodrive.experiments.envs.own_rules import End, OwnRules, Reward
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH
-from autodrive.experiments.envs.task import Bools, CarReadings, Feature, Observation, Outcome, ScanView, Start, Task
+from autodrive.experiments.envs.task import Bools, CarReadings, Feature, Observation, ScanView, Start, StepOutcome, Task
 
 FAILURE = -1.0
 """Reward of a step in which the physics became unstable."""
@@ -43,9 +43,9 @@ def observed(task: Task, observation: Observation) -> tuple[Feature, ...]:
 
 
 def observation_space(task: Task, observation: Observation) -> spaces.Space[Any]:
-    """Of one car."""
+    """The space of the observations of one car."""
     numbers = observed(task, observation)
-    low, high = (np.array([getattr(one, limit) for one in numbers], np.float32) for limit in ("low", "high"))
+    low, high = (np.array([getattr(feature, limit) for feature in numbers], np.float32) for limit in ("low", "high"))
     state = spaces.Box(low, high)
     if observation != "camera":
         return state
@@ -68,13 +68,15 @@ class Episodes:
         self._task, self._offence_cost = task, offence_cost
         self._own = None if reward is end is None else OwnRules(task, count, reward, end)
         self._offences = np.zeros(count, np.int64)
-        """Before the last step."""
+        """Offences of each car up to the step before the last one, shape (n,)."""
         self._has_scan = observation == "lidar"
         numbers = observed(task, observation)
         written = task.features if observation == "state" else task.features[: task.known]
-        self._low, self._high = (np.array([getattr(one, limit) for one in written]) for limit in ("low", "high"))
+        self._low, self._high = (
+            np.array([getattr(feature, limit) for feature in written]) for limit in ("low", "high")
+        )
         self.memory = np.zeros((count, task.memory_size))
-        """What the task remembers of each episode; it writes it."""
+        """What the task remembers of each episode and writes in each step, shape (n, memory_size)."""
         self._features = np.zeros((count, len(written)))
         self._numbers = np.zeros((count, len(numbers)), np.float32)
         self._scan_time = np.full(count, np.nan)
@@ -94,7 +96,9 @@ class Episodes:
             self._own.begin(rows, cars.rows(rows), memory)
         self._read_scans(cars)
 
-    def advance(self, cars: CarReadings, is_unstable: Bools | None = None, actions: Floats | None = None) -> Outcome:
+    def advance(
+        self, cars: CarReadings, is_unstable: Bools | None = None, actions: Floats | None = None
+    ) -> StepOutcome:
         """Judge a step of all cars. `is_unstable`: whether the physics of a car diverged, which ends its episode.
 
         `actions`: throttle and steering, shape (n, 2), for own rewards. Raises `SpecError` for a wrong one.
@@ -103,9 +107,9 @@ class Episodes:
         outcome = new_outcome(count)
         self._task.evaluate(cars, self.memory, self._features, outcome)
         if self._own is not None:
-            given = np.zeros((count, 2)) if actions is None else np.asarray(actions, np.float64)
+            commands = np.zeros((count, 2)) if actions is None else np.asarray(actions, np.float64)
             unknown = np.zeros(count, np.bool_) if is_unstable is None else is_unstable
-            self._own.judge(cars, self.memory, given, outcome, unknown)
+            self._own.judge(cars, self.memory, commands, outcome, unknown)
         self._read_scans(cars)
         if is_unstable is not None and is_unstable.any():
             self._is_unstable[:] = is_unstable
@@ -130,9 +134,9 @@ class Episodes:
             _write_scans(cars, self._scan_time, numbers, scan.sectors, scan.range_max, scan.is_circle)
 
 
-def new_outcome(count: int) -> Outcome:
-    """Of that number of cars, not yet written."""
-    return Outcome(np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_))
+def new_outcome(count: int) -> StepOutcome:
+    """The outcome of a step of that number of cars, not yet written."""
+    return StepOutcome(np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_))
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, heading, turned
+from autodrive.experiments.envs.task import CarReadings, Feature, StepOutcome, heading, turned
 
 GOAL = (
     Feature("goal_x", -8.0, 8.0, "x of the goal in the vehicle frame [m]"),
@@ -52,7 +52,7 @@ def write_goal(cars: CarReadings, i: int, memory: Floats, features: Floats) -> t
 
 
 @jit
-def write_outcome(outcome: Outcome, i: int, progress: float, is_success: bool, has_failed: bool) -> None:
+def write_outcome(outcome: StepOutcome, i: int, progress: float, is_success: bool, has_failed: bool) -> None:
     """The reward is the progress [m], +1 for success, -1 for a failure; both end the episode."""
     outcome.is_success[i] = is_success and not has_failed
     outcome.has_ended[i] = is_success or has_failed

@@ -23,8 +23,8 @@ from autodrive.experiments.envs.path import DRIVEN, PLACE, beside, follow, line_
 from autodrive.experiments.envs.task import (
     MOTION,
     CarReadings,
-    Outcome,
     Start,
+    StepOutcome,
     Task,
     uniform,
     wrapped,
@@ -35,17 +35,17 @@ from autodrive.scenario.maps.map import Map, load_map
 
 MAP = "tiny_town"
 HALF_WIDTH = 0.15
-"""Of the lane [m]."""
+"""Half the width of the lane [m]."""
 SPACING = 0.02
-"""Of the points of the centre line [m], about."""
+"""Distance between the points of the centre line [m], about."""
 PREVIEW = (0.2, 0.4, 0.8)
 """Distances along the lane of the points ahead that are observed [m]."""
 TOP_SPEED = 0.6
 """A car is not faster [m/s]."""
 START_OFFSET, START_ANGLE = 0.05, 0.2
-"""Largest of a start [m], [rad]."""
+"""Largest distance from the centre line and largest angle from its direction at the start [m], [rad]."""
 AHEAD, ROOM = 0.07, 0.2
-"""Of a start on an own map: the middle of the car ahead of the rear axle, and its distance to any obstacle [m]."""
+"""Start on a map of the user: the middle of the car is `AHEAD` of the rear axle, and `ROOM` from any obstacle [m]."""
 FAILURE = -1.0
 """Reward of a step that ends an episode."""
 
@@ -56,29 +56,29 @@ class CentreLine:
     """The longest loop of lanes of a map, as points at equal distances. Raises `SpecError` if there is none."""
 
     def __init__(self, map_: str) -> None:
-        found = load_map(map_)
-        lanes = found.lane_graph
-        if found.track is not None:
+        lane_map = load_map(map_)
+        lanes = lane_map.lane_graph
+        if lane_map.track is not None:
             raise SpecError([f"map: '{map_}' is a race track: RoboRacer-v0 drives on it, with track={map_!r}"])
         if not lanes.loops():
             raise SpecError([f"map: '{map_}' has no closed way of lanes. Close its roads, or write a task of your own"])
         points = lanes.path(lanes.loops()[-1])
         along = np.concatenate([[0.0], np.cumsum(np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1)))])
         self.length = float(along[-1])
-        """[m]."""
+        """Length of the line [m]."""
         self.count = round(self.length / SPACING)
         self.spacing = self.length / self.count
-        """[m]."""
+        """Distance between two points [m]."""
         self.table = table(along, points, self.count)
-        """See `path.table`."""
-        self.free = np.arange(self.count) if map_ == MAP else self._free(found)
+        """x, y [m], cosine and sine of the direction at each point, shape (count, 4); see `path.table`."""
+        self.free = np.arange(self.count) if map_ == MAP else self._free(lane_map)
         """Numbers of the points where a car may start."""
         if len(self.free) == 0:
             raise SpecError([f"map: '{map_}' has no place on its lanes where a car fits between the obstacles"])
 
     def _free(self, map_: Map) -> Integers:
         """Numbers of the points around which nothing stands."""
-        solids = shapely.unary_union([one.plan for one in (*map_.statics, *map_.boxes)])
+        solids = shapely.unary_union([solid.plan for solid in (*map_.statics, *map_.boxes)])
         middles = self.table[:, :2] + AHEAD * self.table[:, 2:]
         is_near = shapely.distance(shapely.points(middles), solids) <= ROOM  # False for NaN: the map has no obstacles
         return np.flatnonzero(~is_near)
@@ -90,7 +90,7 @@ class CentreLine:
 
 
 class LaneKeeping(Task):
-    """See the module."""
+    """The task of keeping a lane, which the text of the module describes."""
 
     name = "lane_keeping"
     features = (
@@ -134,14 +134,17 @@ class LaneKeeping(Task):
         return starts
 
     def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
-        """See `Task.measures`."""
+        """`distance`, `offset` and `angle` of each car; see `Task.measures` and `path.beside`."""
         return {
             "distance": memory[:, DRIVEN].copy(),
             **beside(cars, self.line.table[memory[:, PLACE].astype(np.int64)]),
         }
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`. The nearest point is sought around the last one, so that crossings do not matter."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`.
+
+        The nearest point is sought around the last one, so that crossings do not matter.
+        """
         line = self.line
         _judge(cars, line.table, line.spacing, line.length, self._reach, self._preview, memory, features, outcome)
 
@@ -156,7 +159,7 @@ def _judge(
     preview: Integers,
     memory: Floats,
     features: Floats,
-    outcome: Outcome,
+    outcome: StepOutcome,
 ) -> None:
     """`line`: see `CentreLine.table`."""
     count = len(line)

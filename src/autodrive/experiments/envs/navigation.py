@@ -23,8 +23,8 @@ from autodrive.experiments.envs.task import (
     MOTION,
     CarReadings,
     Feature,
-    Outcome,
     Start,
+    StepOutcome,
     Task,
     heading,
     turned,
@@ -33,13 +33,15 @@ from autodrive.experiments.envs.task import (
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 
 CELLS = 5
-"""Along each side of the square."""
+"""Cells along each side of the square."""
 BOXES, BOX_SIZE, BOX_MASS, JITTER = 8, (0.4, 0.4, 0.25), 0.5, 0.15
-"""Number, [m], [kg], [m]. They are higher than the plane of the scan."""
+"""Number, size [m] and mass [kg] of the boxes, and greatest distance from the middle of a cell [m].
+
+They are higher than the plane of the scan."""
 NEAR, ALIGNED = 0.2, math.sqrt(0.5)
-"""Limits of success [m], cosine."""
+"""Limits of success: greatest distance to the goal [m], least cosine of the angle between the headings."""
 FAR = 7.0
-"""[m]."""
+"""Greatest distance to the goal [m]; beyond it the episode fails."""
 PLACES = [(float(column - CELLS // 2), float(row - CELLS // 2)) for column in range(1, 4) for row in range(CELLS)]
 """Middles of the cells for boxes [m]."""
 KNOWN = len(MOTION) + len(GOAL)
@@ -47,7 +49,7 @@ NAMES = [f"box_{k + 1}" for k in range(BOXES)]
 
 
 class Navigation(Task):
-    """See the module."""
+    """The task of reaching a goal between boxes, which the text of the module describes."""
 
     name = "navigation"
     features = (
@@ -83,16 +85,16 @@ class Navigation(Task):
         return Start(poses, goal_memory(edge, float(rows[1] - middle), 0.25 * math.pi * numbers[1]))
 
     def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
-        """See `Task.measures`."""
+        """`goal_distance` and `goal_cos` of each car; see `Task.measures` and `goal.to_goal`."""
         return to_goal(cars, memory)
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`."""
         _judge(cars, memory, features, outcome)
 
 
 @jit
-def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
     for i in range(len(memory)):
         write_motion(cars, i, features)
         away, aligned = write_goal(cars, i, memory, features)

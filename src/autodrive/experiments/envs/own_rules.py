@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest
-from autodrive.experiments.envs.task import Bools, CarReadings, Outcome, Task
+from autodrive.experiments.envs.task import Bools, CarReadings, StepOutcome, Task
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Step:
     actions: Floats
     """Throttle and steering of the step, each from -1 to 1, left positive, shape (n, 2)."""
     last_actions: Floats
-    """Those of the step before; zeros in the first step of an episode."""
+    """Actions of the step before, shape (n, 2); zeros in the first step of an episode."""
     steps: Integers
     """Number of the step in its episode, from 1, shape (n,)."""
     task_reward: Floats
@@ -38,7 +38,7 @@ class Step:
     is_success: Bools
     """Whether the task is accomplished, shape (n,)."""
     measures: dict[str, Floats] = field(repr=False)
-    """Of the task, by name."""
+    """Measures of the task by name, shape (n,) each."""
 
     @property
     def speed(self) -> Floats:
@@ -76,9 +76,9 @@ class OwnRules:
     def __init__(self, task: Task, count: int, reward: Reward | None, end: End | None) -> None:
         """`count`: number of cars. Raises `SpecError` for what cannot be called."""
         errors = [
-            f"{name}: must be a function of a Step, not {one!r}"
-            for name, one in (("reward", reward), ("end", end))
-            if not (one is None or callable(one))
+            f"{name}: must be a function of a Step, not {function!r}"
+            for name, function in (("reward", reward), ("end", end))
+            if not (function is None or callable(function))
         ]
         if errors:
             raise SpecError(errors)
@@ -93,7 +93,9 @@ class OwnRules:
         self._actions[rows] = 0.0
         self._distance[rows] = self._task.measures(cars, memory).get("distance", 0.0)
 
-    def judge(self, cars: CarReadings, memory: Floats, actions: Floats, outcome: Outcome, is_unstable: Bools) -> None:
+    def judge(
+        self, cars: CarReadings, memory: Floats, actions: Floats, outcome: StepOutcome, is_unstable: Bools
+    ) -> None:
         """Replace rewards and ends of a step. Raises `SpecError` for what is no reward and no end.
 
         The rewards of cars whose physics diverged mean nothing.
@@ -121,21 +123,23 @@ class OwnRules:
         self._actions = actions.copy()  # `begin` writes it
 
 
-def _rewards(given: Any, is_unstable: Bools) -> NDArray[Any]:
-    rewards = _checked("reward", given, "fiub", "a number", len(is_unstable))
+def _rewards(returned: Any, is_unstable: Bools) -> NDArray[Any]:
+    rewards = _checked("reward", returned, "fiub", "a number", len(is_unstable))
     wrong = np.flatnonzero(~np.isfinite(rewards) & ~is_unstable)
     if len(wrong):
         raise SpecError([f"reward: must be finite, but that of environment {wrong[0]} is {rewards[wrong[0]]}"])
     return rewards
 
 
-def _checked(name: str, given: Any, kinds: str, what: str, count: int) -> NDArray[Any]:
+def _checked(name: str, returned: Any, kinds: str, expected: str, count: int) -> NDArray[Any]:
     """The array that a function has returned."""
     try:
-        values = np.asarray(given)
+        values = np.asarray(returned)
     except ValueError:  # rows of different lengths
         values = np.empty(0, object)
     if values.shape != (count,) or values.dtype.kind not in kinds:
-        found = f"{values.dtype} of the shape {values.shape}" if values.dtype != object else repr(given)
-        raise SpecError([f"{name}: must return {what} for each car, an array of the shape ({count},), not {found}"])
+        actual = f"{values.dtype} of the shape {values.shape}" if values.dtype != object else repr(returned)
+        raise SpecError(
+            [f"{name}: must return {expected} for each car, an array of the shape ({count},), not {actual}"]
+        )
     return values

@@ -56,5 +56,5 @@ class DrivingParallelEnv(SeveralCarsParallelEnv):
         return self.rendered.world.frame
 
     def render(self) -> NDArray[np.uint8] | None:
-        """With 'rgb_array', the image of Driver's Eye behind the first car; with 'human' the page shows the cars."""
+        """The image of Driver's Eye behind the first car with 'rgb_array'; None with 'human': the page shows it."""
         return self.rendered.render()

@@ -18,7 +18,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import jit
 from autodrive.experiments.envs.goal import GOAL, goal_memory, to_goal, write_goal, write_outcome
-from autodrive.experiments.envs.task import MOTION, CarReadings, Outcome, Start, Task, uniform, write_motion
+from autodrive.experiments.envs.task import MOTION, CarReadings, Start, StepOutcome, Task, uniform, write_motion
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
@@ -27,17 +27,17 @@ MAP, LOT = "tiny_town", "parking_lot"
 AISLE = (2.2, 3.1, 0.5 * math.pi)
 """The middle of the starts: x, y [m] and yaw [rad]."""
 SPREAD = (0.05, 0.25, 0.3)
-"""Largest distances from it [m, m, rad]."""
+"""Largest distances of a start from the middle of the starts [m, m, rad]."""
 TURN_WEIGHT = 0.2
-"""[m]."""
+"""Weight of 1 - cosine of the angle between the headings in what is left to do [m]."""
 NEAR, ALIGNED, SLOW = 0.05, cos(math.radians(10.0)), 0.05
-"""Limits of success [m], cosine, [m/s]."""
+"""Limits of success: greatest distance [m], least cosine of the angle between the headings, greatest speed [m/s]."""
 FAR = 3.0
-"""[m]."""
+"""Greatest distance to the goal [m]; beyond it the episode fails."""
 
 
 class Parking(Task):
-    """See the module."""
+    """The task of parking in a bay, which the text of the module describes."""
 
     name = "parking"
     features = (*MOTION, *GOAL)
@@ -60,16 +60,16 @@ class Parking(Task):
         return Start({"V1": (x, y, yaw)}, goal_memory(*goal))
 
     def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
-        """See `Task.measures`."""
+        """`goal_distance` and `goal_cos` of each car; see `Task.measures` and `goal.to_goal`."""
         return to_goal(cars, memory)
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`."""
         _judge(cars, memory, features, outcome)
 
 
 @jit
-def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
     for i in range(len(memory)):
         write_motion(cars, i, features)
         away, aligned = write_goal(cars, i, memory, features)

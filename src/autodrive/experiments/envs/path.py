@@ -16,18 +16,18 @@ PLACE, BEYOND, DRIVEN = 0, 1, 2
 """Places in the memory of `follow`: number of the nearest point; distance beyond it, from the start [m]."""
 
 
-def line_features(preview: Sequence[float], what: str, limit: float, most_offset: float) -> tuple[Feature, ...]:
-    """The features that `look` writes, of a line that is called `what`. `limit`, `most_offset`: greatest values [m]."""
+def line_features(preview: Sequence[float], name: str, limit: float, most_offset: float) -> tuple[Feature, ...]:
+    """The features that `look` writes, of a line that is called `name`. `limit`, `most_offset`: greatest values [m]."""
     return (
         Feature("offset", -most_offset, most_offset, "distance from the centre line [m], left of it positive"),
-        Feature("direction_cos", -1.0, 1.0, f"cosine of the angle from the car to the direction of the {what}"),
+        Feature("direction_cos", -1.0, 1.0, f"cosine of the angle from the car to the direction of the {name}"),
         Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
         *(
             Feature(
                 f"ahead_{distance:g}_{axis}",
                 -limit,
                 limit,
-                f"{axis} of the {what} {distance:g} m on, vehicle frame [m]",
+                f"{axis} of the {name} {distance:g} m on, vehicle frame [m]",
             )
             for distance in preview
             for axis in "xy"
@@ -58,6 +58,7 @@ def follow(
     """
     x, y = cars.position[i, 0], cars.position[i, 1]
     before, moved, least = int(memory[PLACE]), 0, math.inf
+    # the nearest point around the last one
     for steps in range(-reach, reach + 1):
         point = line[(before + steps) % count]
         square = (point[0] - x) * (point[0] - x) + (point[1] - y) * (point[1] - y)
@@ -65,9 +66,11 @@ def follow(
             least, moved = square, steps
     place = (before + moved) % count
     point = line[place]
+    # the car in the axes of that point: how far beyond it along the line, and how far to the left
     beyond, offset = turned(x - point[0], y - point[1], point[2], point[3])
     c, s = heading(cars, i)
     direction_cos, direction_sin = turned(point[2], point[3], c, s)
+    # whole points, and the change of the part beyond the nearest one
     progress = moved * spacing + beyond - memory[BEYOND]
     memory[PLACE], memory[BEYOND] = place, beyond
     memory[DRIVEN] += progress

@@ -13,17 +13,17 @@ from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.roboracer_env import RoboRacerVectorEnv
 from autodrive.experiments.envs.settings import checked_cars
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
-from autodrive.experiments.envs.task import CarReadings, Observation, Outcome
+from autodrive.experiments.envs.task import CarReadings, Observation, StepOutcome
 from autodrive.experiments.envs.time_trial import DRIVEN, TimeTrial
 
 
-class Race(TimeTrial):
+class RaceTask(TimeTrial):
     """The time trial against others: the first car that has driven all laps has won, and ends the race for all."""
 
     name = "race"
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`; the cars of a world follow each other."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`. The cars of a world follow each other."""
         super().evaluate(cars, memory, features, outcome)
         has_won = outcome.is_success & ~outcome.has_ended & (self.ranks(memory) == 1)
         outcome.is_success[:] = has_won
@@ -40,10 +40,10 @@ class Race(TimeTrial):
 class RaceVectorEnv(SeveralCarsVectorEnv, RoboRacerVectorEnv):
     """Many races, with the settings of `RoboRacerVectorEnv`; a car that collides is an obstacle for the others."""
 
-    task_type = Race
-    task: Race
+    task_type = RaceTask
+    task: RaceTask
 
-    def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
+    def _values(self, outcome: StepOutcome) -> dict[str, NDArray[Any]]:
         return {
             **super()._values(outcome),
             "rank": self.task.ranks(self._episodes.memory),
@@ -84,5 +84,5 @@ class RaceParallelEnv(SeveralCarsParallelEnv):
 
     @property
     def distance(self) -> Floats:
-        """Of all cars since the start line, along the centre line [m], shape (cars,)."""
+        """Distance of all cars along the centre line since the start line [m], shape (cars,)."""
         return self.vector.distance

@@ -19,38 +19,38 @@ from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import Pose, Track
 
 AREA = 20.0, 10.0
-"""Of the ground of each track [m] if nothing is chosen. A longer track on it has more and tighter curves."""
+"""Sides of the ground of each track [m] if nothing is chosen. A longer track on it has more and tighter curves."""
 APART = 12.0
-"""Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
+"""Distance between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
 ROWS = 16
 """Tracks above each other; the next ones are beside them."""
 DRAWS = 20
-"""Of width, length and radius of a track, until one fits on its ground."""
+"""Greatest number of draws of width, length and radius of a track until it fits on its ground."""
 SPACING = 0.05
-"""Of the points of the centre lines [m], about."""
+"""Distance between the points of the centre lines [m], about."""
 CAR_ROOM = 0.3
 """A car that starts up to 0.2 rad off the direction of a track needs so much on both sides of it [m]."""
 MOST_ASIDE = 0.1
-"""Of a start, from the centre line [m]."""
+"""Greatest distance of a start from the centre line [m]."""
 
 
 class Tracks:
     """Tracks side by side in one map."""
 
     def __init__(self, file: Path, tracks: Sequence[Track]) -> None:
-        """`file`: of the map with all of them."""
+        """`file`: path of the map with all tracks."""
         self.file = file
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         self.length = np.array([track.length for track in tracks])
-        """Of the centre lines [m], shape (n,)."""
+        """Length of each centre line [m], shape (n,)."""
         self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
-        """Number of points, shape (n,)."""
+        """Number of points of each centre line, shape (n,)."""
         self.lines = np.zeros((len(tracks), int(self.count.max()), 4))
-        """See `path.table`; shape (n, most points, 4)."""
+        """x, y [m], cosine and sine of the direction at each point, shape (n, most points, 4); see `path.table`."""
         self.starts: list[Integers] = []
-        """Of each track: the numbers of the points where a car fits between the barriers."""
+        """Numbers of the points of each track where a car fits between the barriers."""
         self.room: list[Floats] = []
-        """Of each track: how far beside each point a car may start [m], at most `MOST_ASIDE`."""
+        """Distance beside each point of each track at which a car may start [m], at most `MOST_ASIDE`."""
         for k, (track, count) in enumerate(zip(tracks, self.count.tolist(), strict=True)):
             self.lines[k, :count] = table(track.line.along, track.line.points, count)
             widths = np.vstack([track.centre_line[:, 2:], track.centre_line[:1, 2:]]).min(axis=1)
@@ -93,7 +93,7 @@ class RaceTracks(Tracks):
         if not _is_complete(folder, count):
             write_tracks(count, seed, ranges, area, folder)
         file, *files = _files(folder, count)
-        super().__init__(file, [Track.load(one) for one in files])
+        super().__init__(file, [Track.load(path) for path in files])
 
 
 class OwnTracks(Tracks):
@@ -102,16 +102,17 @@ class OwnTracks(Tracks):
     Raises `SpecError` for what is no track, and for tracks with different barriers.
     """
 
-    def __init__(self, given: Sequence[str | Path | Track]) -> None:
-        tracks = [one if isinstance(one, Track) else Track.load(one) for one in given]
+    def __init__(self, sources: Sequence[str | Path | Track]) -> None:
+        tracks = [source if isinstance(source, Track) else Track.load(source) for source in sources]
         if not tracks:
             raise SpecError(["track: must be a track or several, not an empty list"])
-        if any(one.barrier != tracks[0].barrier for one in tracks):
+        if any(track.barrier != tracks[0].barrier for track in tracks):
             raise SpecError(["track: tracks that share a map must have the same barrier"])
         right, placed = 0.0, []
-        for one in tracks:
-            points = np.vstack([one.centre_line[:, :2], *one.walls])
-            placed.append(one if one is tracks[0] else moved(one, np.array([right + APART - points[:, 0].min(), 0.0])))
+        for track in tracks:  # each one to the right of those before
+            points = np.vstack([track.centre_line[:, :2], *track.walls])
+            by = np.array([right + APART - points[:, 0].min(), 0.0])
+            placed.append(track if track is tracks[0] else moved(track, by))
             right = max(right, float(np.vstack([placed[-1].centre_line[:, :2], *placed[-1].walls])[:, 0].max()))
         text = whole(placed, tracks[0].title).text()
         folder = _writable(cache_folder("own_tracks", "scenario/tracks", also=text))
@@ -128,7 +129,7 @@ def moved(track: Track, by: Floats) -> Track:
 
 def whole(tracks: Sequence[Track], title: str) -> Track:
     """One map of several tracks."""
-    walls = tuple(wall for one in tracks for wall in one.walls)
+    walls = tuple(wall for track in tracks for wall in track.walls)
     return Track("tracks", tracks[0].centre_line, walls=walls, title=title, barrier=tracks[0].barrier)
 
 

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from autodrive.world.world import World
 
 WIDTH, HEIGHT = 640, 360
-"""Of the images of 'rgb_array' [pixels]."""
+"""Width and height of the images of 'rgb_array' [pixels]."""
 CAMERA = "front"
 """The camera of the observation 'camera'."""
 
 
 QUALITY = "small"
-"""Of its images."""
+"""Quality of the images of the observation 'camera'."""
 
 
 def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
@@ -74,7 +74,7 @@ class RenderedWorld:
         self.map = self._compiled.map
         self.tick_duration = scenario.tick
         self.step_duration = scenario.tick * settings.frame_skip
-        """[s]."""
+        """Duration of a step [s]."""
         traffic = self._compiled.fleet.names
         self.commanded_names = [name for name in self._compiled.vehicles if name not in traffic]
         """The vehicles that obey commands."""
@@ -98,7 +98,7 @@ class RenderedWorld:
 
     @property
     def readings(self) -> Readings:
-        """Of the present instant."""
+        """States and sensor readings at the present instant."""
         return self.world.row.readings
 
     @property
@@ -127,9 +127,9 @@ class RenderedWorld:
         self._check_open()
         if worlds is not None and not worlds[0]:
             return self.readings
-        given = {name: Command(*row) for name, row in zip(self.commanded_names, commands[0].tolist(), strict=True)}
+        by_vehicle = {name: Command(*row) for name, row in zip(self.commanded_names, commands[0].tolist(), strict=True)}
         with contextlib.suppress(EngineError):  # `readings.is_unstable` says it
-            self._run(given, ticks)
+            self._run(by_vehicle, ticks)
         return self.readings
 
     def _run(self, commands: Mapping[str, Command], ticks: int) -> None:

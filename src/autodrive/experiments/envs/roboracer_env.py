@@ -10,12 +10,12 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
-from autodrive.experiments.envs.conditions import WEATHER, Drawn, Drive, Range, whole_number_errors
+from autodrive.experiments.envs.conditions import WEATHER, CarConditions, DelayedDrive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.race_tracks import AREA
 from autodrive.experiments.envs.settings import ALL, MOST_CARS
 from autodrive.experiments.envs.single_env import SingleEnv
-from autodrive.experiments.envs.task import Outcome
+from autodrive.experiments.envs.task import StepOutcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial, TrackLike
 from autodrive.protocol.commands import is_number
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from autodrive.world.batch_camera import BatchCamera
 
 IMAGE_SIZE = 640, 360
-"""Of the images of 'rgb_array' [pixels]."""
+"""Width and height of the images of 'rgb_array' [pixels]."""
 
 
 class RoboRacerVectorEnv(DrivingVectorEnv):
@@ -44,7 +44,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     """
 
     task_type: type[TimeTrial] = TimeTrial
-    drawn_conditions = (*Drawn._fields, *WEATHER)
+    drawn_conditions = (*CarConditions._fields, *WEATHER)
 
     setting_names = ALL - {"map", "traffic", "offence_cost"}
 
@@ -84,20 +84,20 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             own=track,
         )
         super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
-        self._driver = Drive(self.batch, frame_skip)
-        self.drawn = np.ones((num_envs, len(Drawn._fields)))
-        """The conditions of the present episodes, shape (n, 4), in the order of `Drawn`."""
+        self._driver = DelayedDrive(self.batch, frame_skip)
+        self.drawn = np.ones((num_envs, len(CarConditions._fields)))
+        """The conditions of the present episodes, shape (n, 4), in the order of `CarConditions`."""
         self._rivalry = rivalry
 
     @property
     def distance(self) -> Floats:
-        """Along the centre line since the start of each episode [m], shape (n,)."""
+        """Distance along the centre line since the start of each episode [m], shape (n,)."""
         return self._episodes.memory[:, DRIVEN].copy()
 
     def _drive(self, commands: NDArray[Any], worlds: NDArray[np.bool_]) -> None:
         self._driver.step(commands, worlds)
 
-    def _judge(self) -> Outcome:
+    def _judge(self) -> StepOutcome:
         before = self.distance
         outcome = super()._judge()
         if self._rivalry:
@@ -108,7 +108,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [self._rngs[world] for world in worlds.tolist()]
-        drawn = [self.conditions.draw(one) for one in generators if one is not None for _ in range(self.car_count)]
+        drawn = [self.conditions.draw(rng) for rng in generators if rng is not None for _ in range(self.car_count)]
         weathers = self._weathers(worlds, self.conditions)
         self._of_worlds(self.drawn)[worlds] = drawn = self._of_worlds(np.array(drawn))
         friction, mass, noise, latency = drawn.transpose(2, 0, 1)
@@ -136,7 +136,7 @@ class RoboRacerEnv(SingleEnv):
         return float(self.vector.distance[0])
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """With 'rgb_array', the image of the front camera, shape (360, 640, 3)."""
+        """The image of the front camera with 'rgb_array', shape (360, 640, 3)."""
         if self.render_mode is None:
             return None
         from autodrive.world.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted

@@ -32,16 +32,16 @@ Action: TypeAlias = Literal["continuous", "discrete"]
 TASKS: dict[str, type[Task]] = {task.name: task for task in (LaneKeeping, Parking, Navigation, TimeTrial)}
 
 MOST_TICKS = 50
-"""Of an action: after 0.5 s the command of a vehicle times out."""
+"""Greatest number of ticks of an action: after 0.5 s the command of a vehicle times out."""
 
 MOST_CARS = 8
-"""Of a race, or on one lane."""
+"""Greatest number of cars of a race, or on one lane."""
 MOST_ENVS, MOST_STEPS = 2**20, 2**53
 """Limits of `num_envs` and `max_episode_steps`."""
 MOST_TRAFFIC = 50
-"""See `TrafficSpec`."""
+"""Greatest number of cars of the traffic; see `TrafficSpec`."""
 IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
-"""Of the observation 'camera' [pixels]."""
+"""Width and height of the observation 'camera' [pixels]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,16 +49,16 @@ class EnvSettings:
     """Checked settings, which are keyword arguments of the environments; raises `SpecError` with all errors."""
 
     task: str | None = None
-    """None: one that is already made."""
+    """Name of the task; None: the environment has a task that is already made."""
     observation: Observation | None = None
-    """None: the default of the task."""
+    """What is observed; None: the default of the task."""
     action: Action = "continuous"
     frame_skip: int = 5
     """Ticks of 10 ms, or 5 ms for the car RoboRacer, that an action lasts."""
     render_mode: str | None = None
-    """Of an environment of one world: 'rgb_array' or 'human'."""
+    """Render mode of an environment of one world: 'rgb_array' or 'human'."""
     choices: Floats = field(default_factory=lambda: CHOICES)
-    """Of the task."""
+    """Throttle and steering of each discrete action of the task, shape (n, 2)."""
     map: str | Path | None = None
     """Name or file of a map on which lane keeping drives; None: its own."""
     reward: Reward | None = None
@@ -69,21 +69,27 @@ class EnvSettings:
     """Cars that drive themselves in each world, 0 to 50; the map must have lanes for them. Each episode has its own
     places, speeds and ways of them."""
     offence_cost: float = 0.0
-    """Subtracted from the reward for each red light and stop sign that is run, 0 to 1000."""
+    """Cost that each red light and stop sign that is run subtracts from the reward, 0 to 1000."""
     max_episode_steps: int | None = None
-    """After which an episode is truncated; None or -1: never."""
+    """Steps after which an episode is truncated; None or -1: never."""
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP
-    """Of Gymnasium, also by its name or value: what happens in a vector environment when an episode has ended."""
+    """Mode of Gymnasium, also by its name or value: what happens in a vector environment when an episode has ended."""
     threads: int | None = None
-    """Of a batch; None: one for each core."""
+    """Threads of a batch; None: one for each core."""
     friction: Range = 1.0
-    """See `Conditions`, as the following six."""
+    """Factor of the friction of the tyres; see `Conditions`."""
     mass: Range = 1.0
+    """Factor of the mass and the inertia; see `Conditions`."""
     noise: Range = 0.0
+    """Factor of the noise of the sensors; see `Conditions`."""
     latency: Range = 0.0
+    """Time from an action until the car obeys it [s]; see `Conditions`."""
     fog: Range = 0.0
+    """Amount of fog; see `Conditions`."""
     rain: Range = 0.0
+    """Amount of rain; see `Conditions`."""
     snow: Range = 0.0
+    """Amount of snow; see `Conditions`."""
 
     @property
     def conditions(self) -> Conditions:
@@ -98,9 +104,9 @@ class EnvSettings:
             "render_mode": ["rgb_array", "human"],
         }
         errors = [
-            f"{name}: {given!r} is not known. {suggest(str(given), known)}"
+            f"{name}: {value!r} is not known. {suggest(str(value), known)}"
             for name, known in choices.items()
-            if (given := getattr(self, name)) not in known and not (given is None and name != "action")
+            if (value := getattr(self, name)) not in known and not (value is None and name != "action")
         ]
         ticks = self.frame_skip
         if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
@@ -125,20 +131,20 @@ OF_TASKS = frozenset({"map", "reward", "end", "traffic", "offence_cost", "observ
 """Settings that environments with a task of their own do not have."""
 
 
-def checked_settings(kind: type, task: str | Task, given: dict[str, Any], names: Collection[str]) -> EnvSettings:
-    """Settings of an environment of that class. `names`: of those that it has besides its own arguments.
+def checked_settings(kind: type, task: str | Task, settings: dict[str, Any], names: Collection[str]) -> EnvSettings:
+    """Settings of an environment of that class. `names`: settings that it has besides its own arguments.
 
     Raises `TypeError` for another one, and `SpecError` for wrong values.
     """
     own = [name for name in inspect.signature(kind).parameters if name not in ("task", "settings", "arguments")]
-    check_keywords(kind.__name__, given, [*own, *sorted(names)])
-    return EnvSettings(task=task if isinstance(task, str) else None, **given)
+    check_keywords(kind.__name__, settings, [*own, *sorted(names)])
+    return EnvSettings(task=task if isinstance(task, str) else None, **settings)
 
 
 def autoreset_mode(settings: EnvSettings) -> AutoresetMode:
     """The mode, which the settings may have by its name or value."""
-    given = settings.autoreset_mode
-    return next(mode for mode in AutoresetMode if given in (mode, mode.name, mode.value))
+    chosen = settings.autoreset_mode
+    return next(mode for mode in AutoresetMode if chosen in (mode, mode.name, mode.value))
 
 
 def made_task(task: str | Task, frame_skip: int, map: str | Path | None, traffic: int) -> Task:
@@ -212,20 +218,20 @@ def commands_of(actions: Any, settings: EnvSettings, count: int) -> NDArray[Any]
     """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
     shape = (count,) if settings.action == "discrete" else (count, 2)
     try:
-        given = np.asarray(actions)
+        values = np.asarray(actions)
     except ValueError:  # rows of different lengths
-        given = np.empty(0, object)
+        values = np.empty(0, object)
     kinds = "iu" if settings.action == "discrete" else "fiu"
-    if given.dtype.kind not in kinds or given.shape not in (shape, shape[1:] if count == 1 else shape):
+    if values.dtype.kind not in kinds or values.shape not in (shape, shape[1:] if count == 1 else shape):
         number = "whole numbers" if settings.action == "discrete" else "throttle and steering as numbers"
         wanted = (2,) if shape == (1, 2) else shape
-        raise CommandError(f"actions must be {number} of the shape {wanted}, not {_described(given)}")
+        raise CommandError(f"actions must be {number} of the shape {wanted}, not {_described(values)}")
     if settings.action == "continuous":
-        return given.reshape(shape)
-    if not ((given >= 0) & (given < len(settings.choices))).all():
-        raise CommandError(f"actions must be from 0 to {len(settings.choices) - 1}, not {given.tolist()}")
-    return settings.choices[given.reshape(shape)]
+        return values.reshape(shape)
+    if not ((values >= 0) & (values < len(settings.choices))).all():
+        raise CommandError(f"actions must be from 0 to {len(settings.choices) - 1}, not {values.tolist()}")
+    return settings.choices[values.reshape(shape)]
 
 
-def _described(given: NDArray[Any]) -> str:
-    return f"{given.dtype} of the shape {given.shape}" if given.dtype != object else "a list of other things"
+def _described(values: NDArray[Any]) -> str:
+    return f"{values.dtype} of the shape {values.shape}" if values.dtype != object else "a list of other things"

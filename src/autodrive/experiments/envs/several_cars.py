@@ -15,7 +15,7 @@ from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.remade import Remade
 from autodrive.experiments.envs.settings import action_space
-from autodrive.experiments.envs.task import Bools, Outcome, Task
+from autodrive.experiments.envs.task import Bools, StepOutcome, Task
 
 
 class SeveralCarsVectorEnv(DrivingVectorEnv):
@@ -33,7 +33,7 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         self.is_live: Bools = np.ones(num_envs, np.bool_)
         """Whether the own episode of each car goes on."""
         self._is_seen: Bools = np.ones(num_envs, np.bool_)
-        """Whether it went on before the last step."""
+        """Whether the own episode of each car went on before the last step."""
         self._has_succeeded: Bools = np.zeros(num_envs, np.bool_)
 
     @property
@@ -51,7 +51,7 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         driven[..., 0] *= self._of_worlds(self.task.throttle_factors(self._episodes.memory))
         super()._drive(driven, worlds)
 
-    def _judge(self) -> Outcome:
+    def _judge(self) -> StepOutcome:
         outcome = super()._judge()
         self._is_seen = self.is_live.copy()
         outcome.reward[~self.is_live] = 0.0
@@ -60,7 +60,7 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         self.is_live &= ~outcome.has_ended
         return outcome
 
-    def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
+    def _ends(self, outcome: StepOutcome, is_late: Bools) -> tuple[Bools, Bools]:
         is_over = self._of_worlds(is_late).any(axis=1) | ~self._of_worlds(self.is_live).any(axis=1)
         is_over = np.repeat(is_over, self.car_count)
         return is_over & ~self.is_live, is_over & self.is_live
@@ -93,11 +93,11 @@ class SeveralCarsParallelEnv(Remade, ParallelEnv[str, Any, Any]):
         self.action_spaces = {agent: action_space(vector.settings) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
+        """The space of the observations of an agent; the same object each time."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
+        """The space of the actions of an agent; the same object each time."""
         return self.action_spaces[agent]
 
     @property
@@ -133,10 +133,10 @@ class SeveralCarsParallelEnv(Remade, ParallelEnv[str, Any, Any]):
             return {}, {}, {}, {}, {}
         if missing := sorted(rows.keys() - actions.keys()):
             raise CommandError(f"actions: that of {missing[0]} is missing")
-        given = np.zeros_like(self._no_actions)
+        all_actions = np.zeros_like(self._no_actions)
         for agent, row in rows.items():
-            given[row] = np.asarray(actions[agent]).reshape(given.shape[1:])
-        observations, reward, _, truncated, info = self.vector.step(given)
+            all_actions[row] = np.asarray(actions[agent]).reshape(all_actions.shape[1:])
+        observations, reward, _, truncated, info = self.vector.step(all_actions)
         is_live = self.vector.is_live
         self.agents = [agent for agent, row in rows.items() if is_live[row] and not truncated[row]]
         return (
@@ -144,7 +144,10 @@ class SeveralCarsParallelEnv(Remade, ParallelEnv[str, Any, Any]):
             {agent: float(reward[row]) for agent, row in rows.items()},
             {agent: not is_live[row] for agent, row in rows.items()},
             {agent: bool(truncated[row]) for agent, row in rows.items()},
-            {agent: {k: one[row].item() for k, one in info.items() if k[0] != "_"} for agent, row in rows.items()},
+            {
+                agent: {name: values[row].item() for name, values in info.items() if name[0] != "_"}
+                for agent, row in rows.items()
+            },
         )
 
     def close(self) -> None:

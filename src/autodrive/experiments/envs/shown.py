@@ -22,7 +22,10 @@ class ShownVectorEnv(DrivingVectorEnv):
     batch: RenderedWorld  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Those of the next class. Raises `SpecError`, and `GlUnavailable` for images without OpenGL."""
+        """Pass `arguments` and `settings` on to the next class.
+
+        Raises `SpecError`, and `GlUnavailable` for images without OpenGL.
+        """
         super().__init__(*arguments, autoreset_mode=AutoresetMode.DISABLED, **settings)
 
     def _worlds(self, count: int, threads: int | None) -> RenderedWorld:
@@ -35,10 +38,10 @@ class ShownVectorEnv(DrivingVectorEnv):
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """See `DrivingVectorEnv.step`."""
+        """Drive each car with its action, also after its episode has ended; see `DrivingVectorEnv.step`."""
         self._has_ended[:] = False
         return super().step(actions)
 
 
 class ShownCarsVectorEnv(ShownVectorEnv, SeveralCarsVectorEnv):  # pyright: ignore[reportIncompatibleVariableOverride]
-    """The same for several cars in the World."""
+    """The vector environment of one World with several cars, with the render modes 'rgb_array' and 'human'."""

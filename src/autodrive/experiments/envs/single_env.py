@@ -72,7 +72,7 @@ class SingleEnv(Remade, gymnasium.Env[Any, Any]):
 
 
 def _first(observations: Any) -> Any:
-    """Of the first world."""
+    """The observation of the first world."""
     if isinstance(observations, dict):
         return {key: values[0] for key, values in observations.items()}
     return observations[0]

@@ -36,25 +36,25 @@ class CarReadings(NamedTuple):
     """What the environments read of n cars, in the units and frames of a `VehicleFrame`."""
 
     time: Floats
-    """[s], shape (n,)."""
+    """Simulated time since the reset [s], shape (n,)."""
     position: Floats
-    """[m] in the map frame, shape (n, 3)."""
+    """Position of the centre of the rear axle in the map frame [m], shape (n, 3)."""
     orientation: Floats
-    """Quaternion wxyz, shape (n, 4)."""
+    """Orientation, quaternion wxyz, map from vehicle, shape (n, 4)."""
     velocity: Floats
-    """[m/s] in the vehicle frame, shape (n, 3)."""
+    """Velocity in the vehicle frame [m/s], shape (n, 3)."""
     angular_velocity: Floats
-    """[rad/s] in the vehicle frame, shape (n, 3)."""
+    """Angular velocity in the vehicle frame [rad/s], shape (n, 3)."""
     steering: Floats
-    """[rad], shape (n,)."""
+    """Angle of the steering actuator, left positive [rad], shape (n,)."""
     encoder_angles: Floats
-    """Of the rear wheels [rad], shape (n, 2)."""
+    """Angles of the rear wheels [rad], shape (n, 2)."""
     collision_count: NDArray[np.int64]
-    """Since the reset, shape (n,)."""
+    """Collisions since the reset, shape (n,)."""
     lidar_time: Floats
-    """[s], shape (n,)."""
+    """Time of the latest LIDAR scan [s], shape (n,)."""
     lidar_ranges: Floats
-    """[m] as in REP 117, shape (n, n_ray)."""
+    """Ranges of the latest LIDAR scan [m], as in REP 117, shape (n, n_ray)."""
     offences: Integers
     """Red lights and stop signs that were run since the reset, shape (n, 2)."""
     heard: Floats
@@ -75,7 +75,7 @@ class CarReadings(NamedTuple):
         n = len(readings.position)
         columns = [getattr(readings, name) for name in cls._fields[1:10]]
         columns += [np.stack([readings.red_light_count, readings.stop_sign_count], -1), readings.heard_vehicles]
-        cars: list[Any] = [one[:, :count].reshape(n * count, *one.shape[2:]) for one in columns]
+        cars: list[Any] = [column[:, :count].reshape(n * count, *column.shape[2:]) for column in columns]
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:
             time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)
@@ -107,10 +107,10 @@ class ScanView(NamedTuple):
     first_degree: float
     """Bearing of the middle of the first sector, or of its beginning if the scan is no circle [deg]."""
     degrees: float
-    """Of a sector."""
+    """Angle of a sector [deg]."""
     sectors: int
     range_max: float
-    """No return [m]."""
+    """Range beyond which there is no return [m]."""
 
     @property
     def is_circle(self) -> bool:
@@ -119,28 +119,29 @@ class ScanView(NamedTuple):
 
     @property
     def bearings(self) -> list[float]:
-        """Of the middles of the sectors [deg], left positive."""
+        """Bearings of the middles of the sectors [deg], left positive."""
         first = self.first_degree + (0.0 if self.is_circle else 0.5 * self.degrees)
         return [first + k * self.degrees for k in range(self.sectors)]
 
 
 CIRCLE = ScanView(0.0, 10.0, 36, 12.0)
-"""Of the car Nigel."""
+"""View of the scan of the car Nigel."""
 
 
 class Start(NamedTuple):
     """How an episode starts."""
 
     poses: dict[str, Ground]
-    """Of vehicles and boxes, by name."""
+    """Poses of vehicles and boxes on the ground [m, m, rad], by name."""
     memory: tuple[float, ...]
     """What the task remembers of the episode at its start."""
 
 
-class Outcome(NamedTuple):
+class StepOutcome(NamedTuple):
     """What a step of n cars led to; shape (n,) each."""
 
     reward: Floats
+    """Reward of the step."""
     has_ended: Bools
     """Whether the episode ends here, other than by its time."""
     is_success: Bools
@@ -163,9 +164,9 @@ class Task(ABC):
     features: tuple[Feature, ...]
     """All features, which are the observation 'state'."""
     known: int
-    """The first of them, which are also part of the observations 'lidar' and 'camera'."""
+    """Number of the first features, which are also part of the observations 'lidar' and 'camera'."""
     observation: Observation
-    """The default."""
+    """What is observed by default."""
     memory_size: int
     scan: ScanView = CIRCLE
     choices: Floats = CHOICES
@@ -184,7 +185,7 @@ class Task(ABC):
         return [self.start(rng)]
 
     def throttle_factors(self, memory: Floats) -> Floats:
-        """By which the throttle of each car is multiplied, shape (n,)."""
+        """Factor by which the throttle of each car is multiplied, shape (n,)."""
         return np.ones(len(memory))
 
     def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
@@ -196,7 +197,7 @@ class Task(ABC):
         return {}
 
     @abstractmethod
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
         """Judge the last step.
 
         Writes `memory`, shape (n, memory_size), `features`, shape (n, n_feature or known), and `outcome`. It is also

@@ -22,36 +22,36 @@ from autodrive.experiments.envs import path
 from autodrive.experiments.envs.conditions import Range, range_errors, whole_number_errors
 from autodrive.experiments.envs.path import beside, follow, look_ahead
 from autodrive.experiments.envs.race_tracks import AREA, SPACING, OwnTracks, RaceTracks
-from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
+from autodrive.experiments.envs.task import CarReadings, Feature, ScanView, Start, StepOutcome, Task, uniform, wrapped
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.tracks.track import Track
 
 TrackLike: TypeAlias = str | Path | Track
 """Name or file of a track, or a track."""
 TICK = 0.005
-"""[s]: an action of five ticks lasts as long as a scan."""
+"""Duration of a tick [s]: an action of five ticks lasts as long as a scan."""
 PREVIEW = (0.5, 1.0, 2.0, 4.0)
 """Distances along the track of the points ahead that are observed [m]."""
 TOP_SPEED = 24.0
 """A car is not faster [m/s]."""
 START_ANGLE = 0.2
-"""Largest of a start [rad]; see also `race_tracks.MOST_ASIDE`."""
+"""Largest angle of a start from the direction of the track [rad]; see also `race_tracks.MOST_ASIDE`."""
 GRID_STEP, GRID_SIDE = 1.0, 0.3
 """Distance of the places of a grid along the track, and from the centre line [m]."""
 FAILURE = -5.0
 """Reward of a step that ends an episode."""
 MOST_TRACKS = 64
 WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
-"""Of a track [m]: if nothing is chosen, and its limits."""
+"""Width of a track [m]: if nothing is chosen, least and greatest."""
 LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 120.0
-"""Likewise."""
+"""Length of a track [m]: if nothing is chosen, least and greatest."""
 LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
-"""Of curves [m]: the car turns with 0.56 m."""
+"""Least and greatest radius of curves [m]: the car turns with 0.56 m."""
 LEAST_AREA, MOST_AREA = 6.0, 60.0
-"""Sides of the ground of a track [m]."""
+"""Least and greatest side of the ground of a track [m]."""
 
 WHEEL_RADIUS = 0.059
-"""[m]: vehicles/roboracer.yaml."""
+"""Radius of the wheels [m]: vehicles/roboracer.yaml."""
 WHEEL_SPEEDS = -5.0, 25.0
 """Limits of the speed from the encoders [m/s]; beyond them a reading was lost."""
 KNOWN = 5
@@ -61,7 +61,7 @@ rear wheels [rad], which begins with zero; `DRIVEN` is from the start line of th
 
 
 class TimeTrial(Task):
-    """See the module."""
+    """The time trial on race tracks, which the text of the module describes."""
 
     name = "time_trial"
     features = (
@@ -165,12 +165,15 @@ class TimeTrial(Task):
         }
 
     def measures(self, cars: CarReadings, memory: Floats) -> dict[str, Floats]:
-        """See `Task.measures`."""
+        """`distance`, `offset` and `angle` of each car; see `Task.measures` and `path.beside`."""
         track, place = (memory[:, column].astype(np.int64) for column in (TRACK, PLACE))
         return {"distance": memory[:, DRIVEN].copy(), **beside(cars, self.tracks.lines[track, place])}
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
-        """See `Task.evaluate`. The nearest point is sought around the last one: parts of a track may be near."""
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
+        """Judge the last step; see `Task.evaluate`.
+
+        The nearest point is sought around the last one: parts of a track may be near.
+        """
         t = self.tracks
         track = t.lines, t.count, t.length
         _judge(cars, *track, self._laps, self._reach, self._duration, self._preview, memory, features, outcome)
@@ -180,13 +183,13 @@ def _area_errors(area: object) -> list[str]:
     """What is no ground of a track."""
     sides: tuple[object, ...] = area if isinstance(area, tuple) else ()
     limits = LEAST_AREA, MOST_AREA
-    if len(sides) == 2 and not any(isinstance(one, tuple) or range_errors({"": (one, *limits)}) for one in sides):
+    if len(sides) == 2 and not any(isinstance(side, tuple) or range_errors({"": (side, *limits)}) for side in sides):
         return []
     return [f"track_area: must be two numbers from {LEAST_AREA:g} to {MOST_AREA:g}, along x and y, not {area!r}"]
 
 
-def _ends(given: Range) -> tuple[float, float]:
-    return given if isinstance(given, tuple) else (given, given)
+def _ends(limits: Range) -> tuple[float, float]:
+    return limits if isinstance(limits, tuple) else (limits, limits)
 
 
 def _steps_back(place: int) -> int:
@@ -212,7 +215,7 @@ def _judge(
     preview: Integers,
     memory: Floats,
     features: Floats,
-    outcome: Outcome,
+    outcome: StepOutcome,
 ) -> None:
     """`lines`, `counts`, `lengths`: see `RaceTracks`."""
     for i in range(len(memory)):

@@ -47,7 +47,7 @@ BLOCKS = 8
 """Blocks of worlds for each thread, at most: worlds in contact take longer than others."""
 
 MAX_SPEED = 1000.0
-"""At the start [m/s] or [rad/s]."""
+"""Greatest speed [m/s] and yaw rate [rad/s] of a vehicle at its start."""
 
 
 class BatchWorld(OneThread):
@@ -80,7 +80,7 @@ class BatchWorld(OneThread):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         self.compiled = c = compile_scenario(scenario)
         spec = c.specs.scenario
-        if any(one.own_sensors for one in spec.vehicles.values()):
+        if any(placement.own_sensors for placement in spec.vehicles.values()):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
@@ -102,25 +102,26 @@ class BatchWorld(OneThread):
         self._block = max(BLOCK, n // (BLOCKS * count))
         self._engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]  # they own the memory of the views
         rows = rows_of_batch(c, n, self._engines, engine)
-        self._threads = [Pinned(one) for one in rows]
+        self._threads = [Pinned(thread_rows) for thread_rows in rows]
         self.worlds = rows[0].worlds
         """The States of all worlds; what changes them changes the results."""
         self._time = np.zeros(n)
         self.light_names = c.map.traffic_lights
         """Traffic lights follow their programs."""
         self.readings = readings_of(self.worlds, self._time, len(self.object_names))
-        """Of the present instant."""
+        """States and sensor readings of all worlds at the present instant."""
         self._seeds = [int(seed) + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
-        """Of the present episodes."""
+        """Factor of each vehicle in the present episode of each world, by name, shape (n, v)."""
         self.weathers = [ChangingWeather().at(0.0)] * n
-        """Of the present episodes, with wetness and snow cover."""
+        """Weather of the present episode of each world, with wetness and snow cover."""
         self._noise = np.full((n, len(c.vehicles)), np.nan)
-        """Factor of the noise that is set in each world."""
+        """Factor of the noise of each vehicle that is set in each world, shape (n, v)."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
-            name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
+            name: {sensor: configured.spec for sensor, configured in sensors.items()}
+            for name, sensors in c.configured.items()
         }
         self._pool, self._pool_process = None, 0
         self._step = resolved(step_worlds, self._threads[0], self._is_stepped, 0, 0, 1)
@@ -191,10 +192,12 @@ class BatchWorld(OneThread):
         self._check_open()
         chosen = self._checked_worlds(worlds)
         new_seeds = self._checked_seeds(seeds, chosen)
-        given = {"mass": mass, "grip": grip, "noise": noise}
-        factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
+        unchecked = {"mass": mass, "grip": grip, "noise": noise}
+        factors = {name: self._checked_factor(name, factor, chosen) for name, factor in unchecked.items()}
         qpos = self._checked_starts(poses or {}, chosen, new_seeds)
-        moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
+        moving = {
+            self._vehicle(name): self._checked_motion(name, motion, chosen) for name, motion in (motions or {}).items()
+        }
         own = self._checked_vehicles(vehicles or {}, chosen)
         weathers = self._checked_weathers(self.spec.weather.message if weather is None else weather, chosen)
         w = self.worlds
@@ -272,12 +275,12 @@ class BatchWorld(OneThread):
         self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec], weather: Weather
     ) -> tuple[Table, Table]:
         """Tables of vehicles and wheels of a world."""
-        c, placed = self.compiled, self.spec.vehicles
+        c, placed = self.compiled, self.compiled.spec.vehicles  # with the traffic
         specs = {
             name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
             for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
         }
-        factors = [p.grip_factor * one for p, one in zip(placed.values(), grips, strict=True)]
+        factors = [placement.grip_factor * grip for placement, grip in zip(placed.values(), grips, strict=True)]
         if own:
             vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep)
             return vehicles, wheel_table([*specs.values()], factors, c.spec.substep, c.map.ground, weather)
@@ -327,39 +330,40 @@ class BatchWorld(OneThread):
         """Numbers of the chosen worlds."""
         if worlds is None:
             return np.arange(self.n)
-        given = np.asarray(worlds)
-        if given.dtype == np.bool_ and given.shape == (self.n,):
-            return np.flatnonzero(given)
-        if given.size == 0:
+        selection = np.asarray(worlds)
+        if selection.dtype == np.bool_ and selection.shape == (self.n,):
+            return np.flatnonzero(selection)
+        if selection.size == 0:
             return np.zeros(0, np.int64)
-        is_integer = np.issubdtype(given.dtype, np.integer) and given.ndim == 1
-        if not is_integer or given.min() < 0 or given.max() >= self.n or len({*given.tolist()}) < len(given):
+        is_integer = np.issubdtype(selection.dtype, np.integer) and selection.ndim == 1
+        has_twice = is_integer and len({*selection.tolist()}) < len(selection)
+        if not is_integer or has_twice or selection.min() < 0 or selection.max() >= self.n:
             raise CommandError(
                 f"worlds must be a mask of the shape ({self.n},), or different numbers from 0 to {self.n - 1}"
             )
-        return given.astype(np.int64)
+        return selection.astype(np.int64)
 
     def _checked_seeds(self, seeds: ArrayLike | None, chosen: Integers) -> list[int]:
         if seeds is None:
             return [self._seeds[k] for k in chosen.tolist()]
         try:
-            given = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
+            values = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
         except ValueError:  # nested
-            given = []
-        if len(given) != len(chosen):
+            values = []
+        if len(values) != len(chosen):
             raise CommandError(f"there must be a seed for each of the {len(chosen)} worlds, shape ({len(chosen)},)")
-        for one in given:
-            check_seed(one)
-        return [int(one) for one in given]
+        for new_seed in values:
+            check_seed(new_seed)
+        return [int(new_seed) for new_seed in values]
 
     def _checked_factor(self, name: str, factor: ArrayLike, chosen: Integers) -> Floats:
-        """Shape (m, v)."""
+        """A factor of each vehicle in each of the m chosen worlds, shape (m, v). Raises `CommandError`."""
         m, v = len(chosen), len(self.vehicle_names)
         limits = LIMITS[name]
         try:
-            given = np.asarray(factor, dtype=np.float64)
+            factors = np.asarray(factor, dtype=np.float64)
             values = np.empty((m, v))
-            values[:] = given[:, None] if given.ndim == 1 else given
+            values[:] = factors[:, None] if factors.ndim == 1 else factors
         except (TypeError, ValueError):
             raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
         if not ((values >= limits[0]) & (values <= limits[1])).all():
@@ -373,9 +377,9 @@ class BatchWorld(OneThread):
         return self.vehicle_names.index(name)
 
     def _checked_motion(self, name: str, motion: ArrayLike, chosen: Integers) -> Floats:
-        """Shape (m, 5)."""
-        what = "forward and left speed, yaw rate, throttle, steering"
-        values = _checked_rows(f"the motions of '{name}'", motion, (len(chosen), 5), what)
+        """The motion of a vehicle at the start of each of the m chosen worlds, shape (m, 5). Raises `CommandError`."""
+        columns = "forward and left speed, yaw rate, throttle, steering"
+        values = _checked_rows(f"the motions of '{name}'", motion, (len(chosen), 5), columns)
         if not (np.abs(values) <= (*(MAX_SPEED,) * 3, 1.0, 1.0)).all():
             raise CommandError(
                 f"the speeds of '{name}' must be numbers from {-MAX_SPEED:g} to {MAX_SPEED:g}, its throttle and "
@@ -393,7 +397,7 @@ class BatchWorld(OneThread):
             if len(specs) != len(chosen):
                 raise CommandError(f"there must be a Spec of '{name}' for each of the {len(chosen)} worlds")
             for part in ("steering", "drivetrain"):
-                if any(round(getattr(one, part).dead_time / self.spec.substep) > longest for one in specs):
+                if any(round(getattr(spec, part).dead_time / self.spec.substep) > longest for spec in specs):
                     raise CommandError(
                         f"the longest dead time of the vehicles of the scenario is {longest * self.spec.substep:g} s; "
                         f"{part}.dead_time of '{name}' is longer"
@@ -402,12 +406,12 @@ class BatchWorld(OneThread):
 
     def _checked_weathers(self, weather: Weather | Sequence[Weather], chosen: Integers) -> list[Weather]:
         """The weather of each chosen world, with wetness and snow cover."""
-        given = [weather] * len(chosen) if isinstance(weather, Weather) else list(weather)
-        if len(given) != len(chosen):
-            raise CommandError(f"there must be a Weather for each of the {len(chosen)} worlds, not {len(given)}")
-        for one in given:
-            check_weather(one)
-        return [ChangingWeather.settled(one).at(0.0) for one in given]
+        weathers = [weather] * len(chosen) if isinstance(weather, Weather) else list(weather)
+        if len(weathers) != len(chosen):
+            raise CommandError(f"there must be a Weather for each of the {len(chosen)} worlds, not {len(weathers)}")
+        for world_weather in weathers:
+            check_weather(world_weather)
+        return [ChangingWeather.settled(world_weather).at(0.0) for world_weather in weathers]
 
     def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers, seeds: Sequence[int]) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
@@ -431,8 +435,8 @@ class BatchWorld(OneThread):
                 if name not in poses:
                     self._place(row, name, *start)
         for k, row in zip(chosen.tolist(), qpos, strict=True) if poses or names else ():
-            for one, other in overlapping(c, row):
-                raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
+            for first, second in overlapping(c, row):
+                raise CommandError(f"world {k} cannot start: '{first}' and '{second}' would overlap")
         return qpos
 
     def _place(self, qpos: Floats, name: str, x: float, y: float, yaw: float) -> None:
@@ -442,9 +446,9 @@ class BatchWorld(OneThread):
         qpos[start : start + 7] = x, y, height, w, 0.0, 0.0, z
 
 
-def _checked_rows(name: str, given: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:
-    """The numbers in that shape; one row is repeated. Raises `CommandError`."""
+def _checked_rows(name: str, rows: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:
+    """The rows as numbers in the given shape; a single row is repeated. Raises `CommandError`."""
     try:
-        return np.broadcast_to(np.asarray(given, dtype=np.float64), shape)
+        return np.broadcast_to(np.asarray(rows, dtype=np.float64), shape)
     except (TypeError, ValueError):
         raise CommandError(f"{name} must have the shape {shape}: {columns}") from None

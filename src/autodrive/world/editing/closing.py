@@ -33,8 +33,10 @@ def closing_edit(world: World, edit: CloseLoop) -> EditMap:
     """The modules that connect two open ends. Raises `CommandError` if there are no such ends or no such modules."""
     own_map(world.specs)
     pairs = sorted(_pairs(world, edit), key=lambda pair: (_distance(*pair), pair[0][0], pair[1][0]))
-    solids = [one.footprint for one in world.map.modules if one.module.spec.type not in {"terrain", "obstruction"}]
-    solids += [one.plan for one in world.map.statics]
+    solids = [
+        placed.footprint for placed in world.map.modules if placed.module.spec.type not in {"terrain", "obstruction"}
+    ]
+    solids += [static.plan for static in world.map.statics]
     modules = _modules(world)
     misses: list[tuple[End, End, tuple[float, float]]] = []
     for start, end in pairs[:MAX_PAIRS]:
@@ -65,16 +67,17 @@ def _pairs(world: World, edit: CloseLoop) -> Iterator[tuple[End, End]]:
 def _ends(world: World, part: str = "", port: str = "") -> Iterator[End]:
     """The open ends of a module, or of all modules; those that may stay open only if the module is named."""
     modules = world.map.modules
-    if part and part not in {one.name for one in modules}:
-        raise CommandError(f"'{part}' is no module of the map. {suggest(part, [one.name for one in modules])}")
-    found = False
-    for i, one in enumerate(modules):
-        for end in one.ports if part in ("", one.name) else ():
+    names = [placed.name for placed in modules]
+    if part and part not in names:
+        raise CommandError(f"'{part}' is no module of the map. {suggest(part, names)}")
+    has_end = False
+    for i, placed in enumerate(modules):
+        for end in placed.ports if part in ("", placed.name) else ():
             is_joined = end.is_blind or (i, end.name) in world.map.joins
             if not is_joined and port in ("", end.name) and (part or not end.is_open):
-                found = True
-                yield one.name, end
-    if part and not found:
+                has_end = True
+                yield placed.name, end
+    if part and not has_end:
         raise CommandError(f"'{part}' has no open end" + (f" '{port}'" if port else ""))
 
 
@@ -82,17 +85,20 @@ def _modules(world: World) -> dict[str, ModuleSpec]:
     """All modules that can be placed: those of the simulator and those of the map."""
     described = {name: read_module(name) for name in yaml_files.names("module")}
     folder = Path(world.specs.map.path).parent.absolute()
-    own = {str(folder / name) if name.endswith(".yaml") else name: one for name, one in world.specs.map.modules.items()}
-    return {name: one.spec_or_none for name, one in (described | own).items() if one.spec_or_none}
+    own = {
+        str(folder / name) if name.endswith(".yaml") else name: module
+        for name, module in world.specs.map.modules.items()
+    }
+    return {name: module.spec_or_none for name, module in (described | own).items() if module.spec_or_none}
 
 
 def _named(world: World, placements: tuple[Placement, ...]) -> Iterator[tuple[str, MapPart]]:
     used = {*parts_of(own_map(world.specs)), *world.boxes, *world.spec.vehicles}
-    for one in placements:
-        stem = Path(one.module).stem
+    for placement in placements:
+        stem = Path(placement.module).stem
         name = next(name for number in count(1) if (name := f"{stem}_{number}") not in used)
         used.add(name)
-        yield name, MapModule(one.module, one.x, one.y, math.radians(one.yaw_deg))
+        yield name, MapModule(placement.module, placement.x, placement.y, math.radians(placement.yaw_deg))
 
 
 def _distance(start: End, end: End) -> float:
@@ -104,7 +110,7 @@ def _why_not(pairs: list[tuple[End, End]], misses: list[tuple[End, End, tuple[fl
     text = f"no chain of roads leads from port '{port.name}' of '{part}' to port '{other_port.name}' of '{other}'"
     if len(pairs) > 1:
         text += " or to another open end"
-    near = min(misses, key=lambda one: math.hypot(*one[2]), default=None)
+    near = min(misses, key=lambda miss: math.hypot(*miss[2]), default=None)
     if near is None or not PORT_TOLERANCE < math.hypot(*near[2]) < 0.5 * near[0][1].width:
         return f"{text}. Move one of them, or what lies between them"
     (_, _), (name, _), (dx, dy) = near

@@ -72,7 +72,7 @@ class Editor:
         if isinstance(edit, MapEdit):
             after, name = edited_map(specs, edit), title or name_of_edit(edit, specs)
             changed = edit.parts if isinstance(edit, EditMap) else _replaced(world, after)
-            before = {one: world.pose(one) for one in changed if one in world.boxes or one in world.vehicle_names}
+            before = {part: world.pose(part) for part in changed if part in world.boxes or part in world.vehicle_names}
             moved = dict.fromkeys(changed)
         else:
             after, name = replace(specs, scenario=edited(world.spec, world.boxes, edit)), name_of(edit)
@@ -104,7 +104,7 @@ class Editor:
         return result
 
     def on_reset(self) -> None:
-        """After a reset, undoing an earlier edit moves its vehicle or object to its start."""
+        """Note a reset: undoing an earlier edit then moves its vehicle or object to its start."""
         for i, change in enumerate(self._undo):
             self._undo[i] = replace(change, poses_before=dict.fromkeys(change.poses_before))
 
@@ -154,7 +154,7 @@ def _start(compiled: CompiledScenario, name: str) -> Floats:
 def _check_is_free(made: World, before: World) -> None:
     """Raises `CommandError` if a vehicle or a box is in a wall, block or sign that was not there before."""
     there = set(before.map.statics)
-    new = {one.name for one in made.map.statics if one not in there}
+    new = {static.name for static in made.map.statics if static not in there}
     if not new:
         return
     for pair in overlapping(made.compiled):
@@ -163,10 +163,11 @@ def _check_is_free(made: World, before: World) -> None:
             raise CommandError(f"'{name}' is where '{fixed.pop()}' would be: move one of them")
 
 
-def _bodies(of: CompiledScenario | World) -> object:
+def _bodies(world: CompiledScenario | World) -> object:
     """What makes a World but poses."""
-    boxes = of.boxes.values() if isinstance(of, World) else of.boxes
+    boxes = world.boxes.values() if isinstance(world, World) else world.boxes
     vehicles = {
-        name: one.model_copy(update={"x": 0.0, "y": 0.0, "yaw_deg": 0.0}) for name, one in of.spec.vehicles.items()
+        name: placement.model_copy(update={"x": 0.0, "y": 0.0, "yaw_deg": 0.0})
+        for name, placement in world.spec.vehicles.items()
     }
-    return id(of.specs.map), vehicles, [(box.name, box.size, box.mass) for box in boxes]
+    return id(world.specs.map), vehicles, [(box.name, box.size, box.mass) for box in boxes]

@@ -20,7 +20,7 @@ def map_advice(world: World) -> list[MapProblem]:
 
 def _unreachable(world: World) -> Iterator[MapProblem]:
     """Lanes at joined ports that do not continue in the other module."""
-    modules = {one.name: i for i, one in enumerate(world.map.modules)}
+    modules = {placed.name: i for i, placed in enumerate(world.map.modules)}
     lanes = world.map.lane_graph.lanes
     reached = {successor for lane in lanes for successor in lane.successors}
     for i, lane in enumerate(lanes):

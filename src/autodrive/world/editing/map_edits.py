@@ -57,14 +57,14 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     modules = specs.map.modules
     if specs.map.path:
         folder = Path(specs.map.path).parent.absolute()
-        modules = {str(folder / one) if is_yaml(one) else one: its for one, its in modules.items()}
+        modules = {str(folder / name) if is_yaml(name) else name: module for name, module in modules.items()}
     if isinstance(edit, UseMap):
         source = yaml_files.Source(edit.text, "the text of the map")
         if is_track(source.tree):
             return _with_track(specs, yaml_files.checked_source(source, TrackSpec))
         spec = yaml_files.checked_source(source, MapSpec)
         modules = {**modules} | {name: module_of(name, text) for name, text in edit.modules.items()}
-        _check_modules((one.module for one in spec.placements), modules)
+        _check_modules((placement.module for placement in spec.placements), modules)
         spec = checked({key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}, MapSpec)
         return _with_map(specs, spec, read_map(spec, known=modules)[0])
     spec = own_map(specs)
@@ -151,12 +151,12 @@ def _is_moved(before: MapPart | None, part: MapPart) -> bool:
 
 
 def _with_track(specs: Specs, track: TrackSpec) -> Specs:
-    """With vehicles that start behind its start line."""
+    """The Specs with that track as the map, on which the vehicles start behind its start line."""
     starts = {
         name: VehiclePlacement.model_validate(
-            {key: getattr(one, key) for key in one.model_fields_set - {"x", "y", "yaw_deg"}}
+            {key: getattr(placement, key) for key in placement.model_fields_set - {"x", "y", "yaw_deg"}}
         )
-        for name, one in specs.scenario.vehicles.items()
+        for name, placement in specs.scenario.vehicles.items()
     }
     scenario = specs.scenario.model_copy(
         update={"map": track.model_copy(update={"is_draft": True}), "removed_boxes": (), "vehicles": starts}
@@ -177,8 +177,8 @@ def _changed(spec: MapSpec, parts: Mapping[str, MapPart | None]) -> MapSpec:
     lists: dict[str, list[Any]] = {}
     for kind, key in KEYS.items():
         entries = lists.setdefault(key, [])
-        given: tuple[Entry, ...] = getattr(spec, key)
-        for number, entry in enumerate(given, 1):
+        present: tuple[Entry, ...] = getattr(spec, key)
+        for number, entry in enumerate(present, 1):
             name = name_of_entry(entry, number)
             if name not in left:
                 is_shifted = number > len(entries) + 1  # another one was removed before it
@@ -196,8 +196,8 @@ def _changed(spec: MapSpec, parts: Mapping[str, MapPart | None]) -> MapSpec:
     kept = {key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}
     if spec.light_programs:
         gone = {name for name, part in parts.items() if part is None}
-        kept["light_programs"] = {name: one.without(gone) for name, one in spec.light_programs.items()}
-    return checked(kept | {key: one for key, one in lists.items() if one or key in kept}, MapSpec)
+        kept["light_programs"] = {name: program.without(gone) for name, program in spec.light_programs.items()}
+    return checked(kept | {key: entries for key, entries in lists.items() if entries or key in kept}, MapSpec)
 
 
 def _part(entry: Entry) -> MapPart:
@@ -235,7 +235,9 @@ def _given(part: MapPart) -> dict[str, Any]:
 
 def _numbers(value: Any) -> list[float]:
     if isinstance(value, dict | list | tuple):
-        return [one for inner in (value.values() if isinstance(value, dict) else value) for one in _numbers(inner)]
+        return [
+            number for inner in (value.values() if isinstance(value, dict) else value) for number in _numbers(inner)
+        ]
     return [value] if isinstance(value, float) else []
 
 

@@ -37,15 +37,17 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
     spec = own_map(world.specs)
     parts = {name: part for name, part in parts_of(spec).items() if name not in world.spec.removed_boxes}
     problems = world.compiled.map_problems
-    wrong = {key for one in problems for key in _ports_of(one) if one.other_port}
-    own = {one.module: world.specs.map.modules.get(one.module) for one in spec.placements}
+    wrong = {key for problem in problems for key in _ports_of(problem) if problem.other_port}
+    own = {placement.module: world.specs.map.modules.get(placement.module) for placement in spec.placements}
     modules = {name: read_module(name) for name in yaml_files.names("module")}
-    modules |= {name: one or read_module(name) for name, one in own.items()}
+    modules |= {name: described or read_module(name) for name, described in own.items()}
     return MapScene(
         parts=parts,
         ports=_ports(world.map, wrong),
-        problems=[_problem(one, world.map, spec, parts) for one in problems],
-        modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.spec_or_none},
+        problems=[_problem(problem, world.map, spec, parts) for problem in problems],
+        modules={
+            name: _module(name, described, add) for name, described in sorted(modules.items()) if described.spec_or_none
+        },
         props=list(_kinds()),
         templates=map_titles(),
         advice=map_advice(world),
@@ -72,18 +74,18 @@ def _ports(map_: Map, wrong: set[tuple[int, str]]) -> dict[str, dict[str, MapPor
         return "open" if is_open else "free"
 
     return {
-        one.name: {
+        placed.name: {
             port.name: MapPort(*port.pose, port.width, state(i, port.name, is_open=port.is_open))
-            for port in one.ports
+            for port in placed.ports
             if not port.is_blind
         }
-        for i, one in enumerate(map_.modules)
-        if one.ports
+        for i, placed in enumerate(map_.modules)
+        if placed.ports
     }
 
 
 def _problem(problem: PlacingProblem, map_: Map, spec: MapSpec, parts: dict[str, MapPart]) -> native.MapProblem:
-    places = [one.location for one in (problem.part, problem.other) if isinstance(one, PlaceInFile)]
+    places = [part.location for part in (problem.part, problem.other) if isinstance(part, PlaceInFile)]
     names = [name_of_entry(getattr(spec, str(key))[index], int(index) + 1) for key, index in places]
     x = y = 0.0
     if problem.port:
@@ -91,7 +93,7 @@ def _problem(problem: PlacingProblem, map_: Map, spec: MapSpec, parts: dict[str,
     elif problem.at:
         x, y = problem.at
     elif len(places) == 2:
-        by_index = {one.label.location: one.footprint for one in map_.modules}
+        by_index = {placed.label.location: placed.footprint for placed in map_.modules}
         common = by_index[places[0]].intersection(by_index[places[1]]).centroid
         x, y = common.x, common.y
     text = joined([problem.text], {})[0]

@@ -78,7 +78,7 @@ def name_of_track_edit(edit: EditTrack, before: Specs) -> str:
 
 def vehicles_beside(world: World, spec: TrackSpec) -> list[str]:
     """Vehicles that a track does not carry: a corner is not between its edges."""
-    track, found = Track.of(spec, "track"), []
+    track, beside = Track.of(spec, "track"), []
     for name, vehicle in world.vehicle_specs.items():
         x, y, _, w, _, _, z = world.pose(name).tolist()
         yaw = 2.0 * math.atan2(z, w)
@@ -87,8 +87,8 @@ def vehicles_beside(world: World, spec: TrackSpec) -> list[str]:
         ahead = x + vehicle.wheelbase * math.cos(yaw), y + vehicle.wheelbase * math.sin(yaw)
         lateral = [track.project(*point)[1] for point in ((x, y), ahead)]
         if max(lateral) > left - 0.5 * reach or min(lateral) < 0.5 * reach - right:
-            found.append(name)
-    return found
+            beside.append(name)
+    return beside
 
 
 def track_scene(world: World) -> TrackScene | None:
@@ -96,11 +96,11 @@ def track_scene(world: World) -> TrackScene | None:
     spec, line = world.specs.map.spec_or_none, line_of(world.specs.map)
     if not isinstance(spec, TrackSpec) or line is None:
         return None
-    found = [
-        MapProblem(one.kind, joined([one.text], {})[0], *(one.at or (0.0, 0.0)), [], {})
-        for one in world.compiled.map_problems
+    problems = [
+        MapProblem(problem.kind, joined([problem.text], {})[0], *(problem.at or (0.0, 0.0)), [], {})
+        for problem in world.compiled.map_problems
     ]
-    return TrackScene(line, bool(spec.points), found, map_titles())
+    return TrackScene(line, bool(spec.points), problems, map_titles())
 
 
 @functools.lru_cache(maxsize=8)
@@ -130,7 +130,7 @@ def _generated(edit: GenerateTrack) -> TrackSpec:
 
 
 def _spec(title: str, points: tuple[tuple[float, float], ...], width: float, barrier: BarrierSpec) -> TrackSpec:
-    """With the values of a file."""
+    """The Spec of a track by points, as a file would have it: without the barrier if it is the usual one."""
     spec = TrackSpec(title=title, points=points, width=round(width, 3))
     return spec if barrier == spec.barrier else spec.model_copy(update={"barrier": barrier})
 

@@ -24,12 +24,13 @@ class Progress(NamedTuple):
     """Where the vehicles are on the track: one element of each array for each vehicle."""
 
     x: Floats
-    """Position of the rear axle centre at the end of the latest tick [m]."""
+    """x of the centre of the rear axle in the map at the end of the latest tick [m]."""
     y: Floats
+    """y of the centre of the rear axle in the map at the end of the latest tick [m]."""
     s: Floats
-    """Distance of its nearest point along the centre line, from 0 to the length [m]."""
+    """Distance along the centre line of the point nearest to the vehicle, from 0 to the length [m]."""
     lateral: Floats
-    """How far it is to the left of that point [m]."""
+    """How far the vehicle is to the left of the centre line [m]."""
     travelled: Floats
     """Sum of all changes of `s`, without jumps at the start line [m]."""
     farthest: Floats
@@ -37,13 +38,13 @@ class Progress(NamedTuple):
     backmost: Floats
     """Least `travelled` while it drives the wrong way [m]."""
     is_wrong_way: Integers
-    """1 while it drives against the direction of the track."""
+    """1 while the vehicle drives against the direction of the track."""
     has_turned: Integers
-    """1 if it became so in the latest tick."""
+    """1 if the vehicle began to drive the wrong way in the latest tick."""
     next_gate: Integers
-    """Number of the checkpoint that it must pass next; 0 is the finish line."""
+    """Number of the checkpoint that the vehicle must pass next; 0 is the finish line."""
     passed: Floats
-    """When it passed that checkpoint, as a fraction of the latest tick; NaN if it did not."""
+    """Fraction of the latest tick at which the vehicle passed its next checkpoint; NaN: it did not pass it."""
 
 
 def progress(vehicles: int) -> Progress:
@@ -102,17 +103,20 @@ def advance(line: ClosedLine, gates: Floats, positions: Floats, tick: float, p: 
         if hypot(x1 - x0, y1 - y0) > MAX_SPEED * tick:
             start(line, positions, i, p)
             continue
+        # progress along the line; a change of more than half a lap is the jump of s at the start line
         s, p.lateral[i] = nearest_on_line(line, x1, y1)
         change = s - p.s[i]
         p.travelled[i] += change - length * np.round(change / length)
         p.x[i], p.y[i], p.s[i] = x1, y1, s
         _update_direction(p, i)
         has_news |= p.has_turned[i] == 1
+        # the next gate: distances in its direction before and after the tick, so that it is crossed from - to +
         gx, gy, dx, dy, right, left = gates[p.next_gate[i]]
         before = (x0 - gx) * dx + (y0 - gy) * dy
         after = (x1 - gx) * dx + (y1 - gy) * dy
         p.passed[i] = nan
         if before < 0.0 <= after:
+            # where the straight path of the tick crosses the gate, and how far that is to the left of its middle
             fraction = before / (before - after)
             side = (y0 + fraction * (y1 - y0) - gy) * dx - (x0 + fraction * (x1 - x0) - gx) * dy
             if -right - MARGIN <= side <= left + MARGIN:

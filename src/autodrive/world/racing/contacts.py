@@ -15,7 +15,7 @@ from autodrive.base.arrays import Floats
 from autodrive.scenario.tracks import Track
 
 CAR_LENGTH, CAR_WIDTH = 0.5, 0.28
-"""Of a 1:10 race car [m]."""
+"""Length and width of a 1:10 race car [m]."""
 SIDE_BY_SIDE = 0.25
 """Two vehicles are side by side if they are at most this far apart along the track [m]."""
 REJOIN_TIME = 2.0
@@ -41,12 +41,15 @@ class Fault(NamedTuple):
     vehicles: tuple[int, ...]
 
 
-class _Moment(NamedTuple):
+class _TrackPlaces(NamedTuple):
+    """Where all vehicles are on the track at the end of a tick, shape (n_vehicle,) each."""
+
     time: float
+    """Simulated time [s]."""
     s: Floats
     """Distance of each vehicle along the centre line [m]."""
     lateral: Floats
-    """How far each is to the left of it [m]."""
+    """How far each vehicle is to the left of the centre line [m]."""
 
 
 class _Corner(NamedTuple):
@@ -57,13 +60,13 @@ class _Corner(NamedTuple):
     """1 for a left turn, -1 for a right turn."""
 
 
-class Contacts:
+class ContactJudge:
     """Remembers where the vehicles were, and judges their contacts."""
 
     def __init__(self, track: Track, vehicles: int, tick: float) -> None:
         """`tick` [s]: duration of a tick."""
         self._track = track
-        self._moments: deque[_Moment] = deque(maxlen=math.ceil(HISTORY / tick) + 1)
+        self._moments: deque[_TrackPlaces] = deque(maxlen=math.ceil(HISTORY / tick) + 1)
         self._since = [-math.inf] * vehicles
         """When each vehicle was last placed elsewhere [s]."""
         self._free = [-math.inf] * vehicles
@@ -88,7 +91,7 @@ class Contacts:
 
     def note(self, time: float, s: Floats, lateral: Floats) -> None:
         """The places of all vehicles at the end of a tick: along the centre line, and to the left of it [m]."""
-        self._moments.append(_Moment(time, s.copy(), lateral.copy()))
+        self._moments.append(_TrackPlaces(time, s.copy(), lateral.copy()))
 
     def placed(self, i: int) -> None:
         """Vehicle i is placed elsewhere: where it was before does not count."""
@@ -119,7 +122,7 @@ class Contacts:
 
     # -- parts of the judgement ------------------------------------------------------------------------------------
 
-    def _gap(self, at: _Moment, first: int, second: int) -> float:
+    def _gap(self, at: _TrackPlaces, first: int, second: int) -> float:
         """How far the second vehicle is ahead of the first along the track; half a lap at most [m]."""
         return self._ahead(float(at.s[first]), float(at.s[second]))
 
@@ -127,7 +130,7 @@ class Contacts:
         length = self._track.length
         return end - start - length * round((end - start) / length)
 
-    def _rejoins(self, i: int, now: _Moment) -> bool:
+    def _rejoins(self, i: int, now: _TrackPlaces) -> bool:
         """Whether vehicle i has just driven on after a set-back, or was beyond an edge of the track."""
         if 0.0 <= now.time - self._free[i] <= REJOIN_TIME:
             return True
@@ -140,7 +143,7 @@ class Contacts:
         right, left = self._track.widths_at(s)
         return not -right <= lateral <= left
 
-    def _diving(self, now: _Moment, first: int, second: int, corner: _Corner | None) -> int | None:
+    def _diving(self, now: _TrackPlaces, first: int, second: int, corner: _Corner | None) -> int | None:
         """The vehicle that touches from the inside of a corner and had no overlap when the first of both entered it."""
         apart = float(now.lateral[first] - now.lateral[second])
         if corner is None or abs(apart) < 0.5 * CAR_WIDTH:
@@ -152,14 +155,14 @@ class Contacts:
                 return inside if self._gap(moment, inside, outside) >= CAR_LENGTH else None
         return None
 
-    def _moved_towards(self, now: _Moment, i: int, other: int) -> bool:
+    def _moved_towards(self, now: _TrackPlaces, i: int, other: int) -> bool:
         """Whether vehicle i has moved into the way of the other, from a place where they would not have touched."""
         *_, before = now, *self._back(now.time - MOVE_TIME, i, other)
         apart = float(before.lateral[other] - before.lateral[i])
         moved = float(now.lateral[i] - before.lateral[i])
         return abs(apart) >= CAR_WIDTH and moved * math.copysign(1.0, apart) >= MOVE
 
-    def _is_squeeze(self, now: _Moment, mover: int, other: int) -> bool:
+    def _is_squeeze(self, now: _TrackPlaces, mover: int, other: int) -> bool:
         """Whether the mover comes from the inside of a corner, at its exit, to the other on the outside."""
         s = float(now.s[mover])
         corner = self._corner(s)
@@ -169,7 +172,7 @@ class Contacts:
             return False
         return float(now.lateral[mover] - now.lateral[other]) * corner.side > 0.0
 
-    def _back(self, until: float, *vehicles: int) -> Iterator[_Moment]:
+    def _back(self, until: float, *vehicles: int) -> Iterator[_TrackPlaces]:
         """The moments from the latest one back to a time [s], and not beyond the last placing of these vehicles."""
         placed = max(self._since[i] for i in vehicles)
         for moment in reversed(self._moments):

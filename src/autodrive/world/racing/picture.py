@@ -12,13 +12,13 @@ from autodrive.base.svg_plot import line, svg, text
 from autodrive.scenario.tracks import Track
 
 WIDTH = 1600.0
-"""Of the picture [pixels]."""
+"""Width of the picture [pixels]."""
 BAR = 90.0
 """Height of the scale of colours below the track [pixels]."""
 LEVELS = 24
 """Number of colours."""
 COLOURS = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]])
-"""From slow to fast: viridis, which colour-blind people can read."""
+"""Colours (RGB, 0 to 255) from slow to fast: viridis, which colour-blind people can read."""
 JUMP = 1.0
 """A longer step is not a drive: the vehicle was placed elsewhere [m]."""
 
@@ -29,7 +29,7 @@ def driven_lines(track: Track, driven: Mapping[str, Floats]) -> bytes:
 
 
 def driven_lines_svg(track: Track, driven: Mapping[str, Floats]) -> str:
-    """As `driven_lines`, as SVG."""
+    """An SVG; `driven`: x, y [m] and speed [m/s] along the way of each vehicle, shape (n, 3)."""
     right, left = track.edges
     points = np.vstack([*track.walls, right, left])
     (x0, y0), (x1, y1) = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5

@@ -26,13 +26,13 @@ from autodrive.protocol.messages import (
 from autodrive.scenario.race_rules import RaceRules
 from autodrive.scenario.tracks import Track
 from autodrive.world.racing.checkpoints import advance, gates, progress, start
-from autodrive.world.racing.contacts import SIDE_BY_SIDE, Contacts
+from autodrive.world.racing.contacts import SIDE_BY_SIDE, ContactJudge
 
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m], heading [rad]."""
 
 SET_BACK_STEP, SET_BACK_SIDE = 0.7, 0.35
-"""If its place is taken, a vehicle is set back that much farther, or beside the centre line [m]."""
+"""Distances by which a vehicle is set back farther, or beside the centre line, if its place is taken [m]."""
 SET_BACK_PLACES = 10
 PARKING_STEP = 0.8
 """Vehicles that are out of the race are parked beside the track, this far apart [m]."""
@@ -55,13 +55,13 @@ class Entry:
     status: RaceStatus = WAITING
     laps: int = 0
     lap_start: float = 0.0
-    """When the present lap began [s], as the times below."""
+    """Time at which the present lap began [s]."""
     split_start: float = 0.0
-    """When it passed the last checkpoint."""
+    """Time at which the vehicle passed the last checkpoint [s]."""
     count_start: float = math.nan
-    """When the laps that count began."""
+    """Time at which the laps that count began [s]; not a number: they have not begun."""
     race_time: float = 0.0
-    """Of a vehicle that races no more."""
+    """Time of the race of a vehicle that races no more [s]."""
     last_lap: float = 0.0
     best_lap: float = 0.0
     penalty: float = 0.0
@@ -70,7 +70,7 @@ class Entry:
     travelled: float = 0.0
     """`Progress.travelled` at the checkpoint that it passed last [m]."""
     held_until: float = -math.inf
-    """Before that time it stands."""
+    """Time until which the vehicle stands after a set-back [s]."""
 
 
 class Race:
@@ -94,9 +94,9 @@ class Race:
         self._starts: list[Pose] = []
         self._entries = [Entry() for _ in names]
         self._progress = progress(len(self._names))
-        self._contacts: Contacts | None = None
+        self._contacts: ContactJudge | None = None
         if rules.vehicle_contact == "judged" and len(names) > 1:
-            self._contacts = Contacts(track, len(names), tick)
+            self._contacts = ContactJudge(track, len(names), tick)
         self._first_at: dict[tuple[int, int], float] = {}
         """When the first vehicle passed a checkpoint, by lap and checkpoint."""
         line, positions = track.line, np.zeros((len(self._names), 3))

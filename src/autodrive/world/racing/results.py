@@ -28,7 +28,7 @@ from autodrive.scenario.tracks import Track
 from autodrive.world.racing.picture import driven_lines
 
 COLUMNS = ("Rank", "Team", "Race Time (s)", "Collisions", "Adjusted Time (s)", "Best Lap (s)", "Status")
-"""As in the standings of the league."""
+"""Titles of the columns, as in the standings of the league."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Standing:
     penalty: float
     adjusted_time: float
     best_lap: float
-    """0 without a lap that counts."""
+    """Time of the best lap that counts [s]; 0 without one."""
     laps: list[Lap]
 
     @property
@@ -83,7 +83,7 @@ class RaceResult:
     version: str
     track: str
     length: float
-    """Of the centre line [m]."""
+    """Length of the centre line [m]."""
     rules: str
     title: str
     """Title of the rules."""
@@ -94,7 +94,7 @@ class RaceResult:
     ended_by: str
     standings: list[Standing]
     notes: dict[str, str] = field(default_factory=dict)
-    """By vehicle: how its script repeats commands in lock-step, and code of it that `digests` does not contain."""
+    """How the script of a vehicle repeats commands in lock-step, and its code that is not in `digests`, by vehicle."""
     recording: str = ""
     """Path of the recording; empty if there is none."""
     digests: dict[str, str] = field(default_factory=dict)
@@ -115,14 +115,15 @@ class RaceResult:
         """The content of laps.csv: a row for each lap."""
         file = io.StringIO()
         writer = csv.writer(file, lineterminator="\n")
-        sectors = max((len(lap.sectors) for one in self.standings for lap in one.laps), default=0)
+        sectors = max((len(lap.sectors) for standing in self.standings for lap in standing.laps), default=0)
         names = (f"sector_{i}" for i in range(1, sectors + 1))
         writer.writerow(("vehicle", "team", "lap", "is_counted", "time", "penalties", *names))
-        for one in self.standings:
-            for lap in one.laps:
+        for standing in self.standings:
+            for lap in standing.laps:
                 times = (f"{value:.4f}" for value in (lap.time, *lap.sectors))
                 time, *splits = times
-                writer.writerow((one.vehicle, one.team, lap.lap, int(lap.is_counted), time, lap.penalties, *splits))
+                row = standing.vehicle, standing.team, lap.lap, int(lap.is_counted), time, lap.penalties
+                writer.writerow((*row, *splits))
         return file.getvalue()
 
 
@@ -165,12 +166,15 @@ class RaceRecorder:
         )
 
     def standings(self, teams: Sequence[str] | None = None) -> list[Standing]:
-        """In the order of ranks; `teams`: names in the order of the vehicles, by default those of the vehicles."""
+        """The vehicles in the order of their ranks.
+
+        `teams`: names in the order of the vehicles, by default the names of the vehicles.
+        """
         states = _states(self._frame) if self._frame else {}
         named = dict(zip(states, teams or list(states), strict=True))
         return sorted(
             (_standing(name, named[name], state, self._records[name]) for name, state in states.items()),
-            key=lambda one: one.rank,
+            key=lambda standing: standing.rank,
         )
 
     def driven(self) -> dict[str, Floats]:

@@ -18,7 +18,7 @@ SEPARATION = 0.2
 """A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
 
 NEVER = -(2**62)
-"""The tick of a contact that has not been."""
+"""Stands for the tick of the last contact of a vehicle with an object that it has not touched."""
 
 
 class CollisionTable(NamedTuple):
@@ -47,9 +47,9 @@ class CollisionMemory(NamedTuple):
     pair: Integers
     """Numbers of the vehicle and the object, shape (p, 2)."""
     impulse: Floats
-    """Sum over the contacts of both [N s], shape (p,)."""
+    """Sum of the impulses of the contacts of both [N s], shape (p,)."""
     place: Floats
-    """Of the first contact in the map [m], shape (p, 3)."""
+    """Position of the first contact of both in the map [m], shape (p, 3)."""
     begun: Integers
     """Number of collisions that begin, shape (1,)."""
 
@@ -110,6 +110,7 @@ def judge(
     memory: CollisionMemory,
 ) -> bool:
     """Count the collisions of world k that begin in this tick, and clear the contacts; True if one begins."""
+    # contacts of a vehicle with the solids of one object are one row: the first gives its place, all its impulse
     touching = 0
     for p in range(contacts.pair_count[0]):
         vehicle, solid = contacts.pairs[p, 0], contacts.pairs[p, 1]
@@ -126,6 +127,7 @@ def judge(
         memory.impulse[row] += contacts.impulse[vehicle, solid]
         contacts.impulse[vehicle, solid] = 0.0
     contacts.pair_count[0] = 0
+    # a collision begins if the last contact with that object is long ago; such rows move to the front
     begun = 0
     for row in range(touching):
         vehicle, other = memory.pair[row, 0], memory.pair[row, 1]

@@ -18,7 +18,7 @@ class SceneLight(NamedTuple):
     """The light of a scene as a function of simulated time."""
 
     is_on: bool
-    """Day or night, without a time of day."""
+    """Whether it is day, if there is no time of day."""
     start: float | None = None
     """Time of day at the simulated time `since` [s since midnight]; None if the light is fixed."""
     scale: float = 0.0
@@ -27,7 +27,7 @@ class SceneLight(NamedTuple):
     """Simulated time [s]."""
 
     def at(self, time: float) -> tuple[bool, float | None]:
-        """At the simulated time [s]: day (True) or night, and the time since midnight [s], None if it is fixed."""
+        """Whether it is day at the simulated time [s], and the time since midnight [s]; None if the light is fixed."""
         if self.start is None:
             return self.is_on, None
         time_of_day = (self.start + self.scale * (time - self.since)) % DAY_LENGTH
@@ -49,9 +49,9 @@ class DaylightColumns(NamedTuple):
     """`SceneLight` of n worlds: columns with its fields, shape (n,) each."""
 
     is_on: Floats
-    """1 or 0."""
+    """1: day, 0: night, without a time of day."""
     start: Floats
-    """Not a number: the light is fixed."""
+    """`SceneLight.start` [s since midnight]; not a number: the light is fixed."""
     scale: Floats
     since: Floats
 

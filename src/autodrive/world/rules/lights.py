@@ -16,7 +16,7 @@ from autodrive.scenario.maps.light_programs import all_programs, light_cycles
 from autodrive.world.compile import CompiledScenario
 
 FLASH_PERIOD = 1.0
-"""Of a flashing light [s]; it is on in the first half."""
+"""Period of a flashing light [s]; it is on in the first half."""
 MODES: tuple[Literal["off", "program", "flashing", "set"], ...] = ("off", "program", "flashing", "set")
 """`TrafficLightFrame.mode` by its number in `LightColumns.mode`."""
 DARK, PROGRAM, FLASHING, SET = range(4)
@@ -30,7 +30,7 @@ class LightTable(NamedTuple):
     cycle: Integers
     """Number of the cycle of each light, shape (l,)."""
     length: Integers
-    """Of each cycle, shape (c,)."""
+    """Length of each cycle, shape (c,)."""
     offset: Integers
     """Tick at which each cycle begins; see `LightCycle`, shape (c,)."""
     first: Integers
@@ -41,7 +41,7 @@ class LightTable(NamedTuple):
     state: Integers
     """`TrafficLightState` of each part, shape (p,)."""
     flashing: Floats
-    """From which and to which time of day the lights flash [s]; not a number: never, shape (c, 2)."""
+    """Times of day at which the lights begin and end to flash [s]; not a number: they never flash, shape (c, 2)."""
     half_flash: int
     """Half the period of a flashing light."""
     tick: float
@@ -54,7 +54,7 @@ class LightColumns(NamedTuple):
     state: Integers
     """`TrafficLightState` that each light shows, shape (n, l)."""
     time_to_change: Floats
-    """Time until that changes [s]; not a number: it does not change, shape (n, l)."""
+    """Time until the state changes [s]; not a number: it does not change, shape (n, l)."""
     mode: Integers
     """Number of the mode in `MODES`, shape (n, l)."""
     set_state: Integers
@@ -182,7 +182,7 @@ def frames(names: Sequence[str], row: LightColumns) -> dict[str, TrafficLightFra
 
 
 STATES = tuple(TrafficLightState)
-"""By number: faster than a call of the class."""
+"""Traffic light states by number: an index is faster than a call of the class."""
 
 
 def frames_at_start(c: CompiledScenario) -> dict[str, TrafficLightFrame]:

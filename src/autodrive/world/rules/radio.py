@@ -36,7 +36,7 @@ from autodrive.world.rules.lights import LightColumns
 X, Y, Z, YAW, SPEED, STEERING, LAMPS = range(7)
 """Columns of the message of a vehicle; `LAMPS`: see `lamps_number`."""
 LIGHT_STATE, TIME_TO_CHANGE = 2, 3
-"""Likewise, of a traffic light, behind X and Y; the time [s] is not a number if it never changes."""
+"""Columns of the message of a traffic light, behind X and Y; the time [s] is not a number if it never changes."""
 COLUMNS = 7
 SENT, RECEIVED, CONTENT = 0, 1, 2
 """Columns of what was heard: times [s], and from `CONTENT` on the message."""
@@ -44,27 +44,30 @@ LONGEST = 37.0
 """A random part of the delay is at most this multiple of its mean: -log(2^-53) = 36.7."""
 
 
-class Channel(NamedTuple):
-    """What does not change; a message is due `samples` times in `ticks`."""
+class RadioChannel(NamedTuple):
+    """The radio channel of a scenario, which does not change."""
 
     samples: int
+    """Messages of a sender in `ticks`."""
     ticks: int
+    """Ticks in which `samples` messages are due."""
     range: float
-    """[m]."""
+    """Greatest distance of a receiver [m]."""
     delay: float
-    """[s]."""
+    """Least time from sending to reception [s]."""
     jitter: float
-    """[s]."""
+    """Mean of the random part of the delay [s]."""
     loss: float
+    """Probability that a message is lost, 0 to 1."""
     position_noise: float
-    """[m]."""
+    """Standard deviation of the noise of x and y in a message of a vehicle [m]."""
 
 
 class RadioMemory(NamedTuple):
     """Working memory of a tick."""
 
     messages: Floats
-    """Of all senders, shape (s, COLUMNS). The caller writes the column `LAMPS`."""
+    """Messages of all senders, shape (s, COLUMNS). The caller writes the column `LAMPS`."""
 
 
 class RadioColumns(NamedTuple):
@@ -74,24 +77,24 @@ class RadioColumns(NamedTuple):
     """
 
     stream: Stream
-    """Shape (n, 3)."""
+    """Random numbers of each channel, shape (n, 3)."""
     sendings: Integers
     """Messages of each sender since the reset, shape (n,)."""
     sent: Floats
-    """Time of each [s], shape (n, c)."""
+    """Time at which each kept message was sent [s], shape (n, c)."""
     content: Floats
-    """Shape (n, c, s, COLUMNS)."""
+    """Content of each kept message of each sender, shape (n, c, s, COLUMNS)."""
     arrival: Floats
-    """Time at which each vehicle gets it [s]; infinite: never, shape (n, c, s, v)."""
+    """Time at which each vehicle gets each kept message [s]; infinite: never, shape (n, c, s, v)."""
     heard: Floats
     """Latest message that each vehicle heard of each sender; not a number before, shape (n, v, s, 2 + COLUMNS)."""
 
 
-def table(c: CompiledScenario) -> Channel:
-    """The channel of a scenario; if nobody sends, it means nothing."""
+def table(c: CompiledScenario) -> RadioChannel:
+    """The radio channel of a scenario; one that nothing uses if the scenario has none."""
     spec = c.spec.v2x or V2xSpec()
     due = Schedule.of(spec.rate, Fraction(str(c.spec.tick)))
-    return Channel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
+    return RadioChannel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
 
 
 def columns(c: CompiledScenario, n: int) -> RadioColumns:
@@ -141,7 +144,7 @@ def transmit(
     time: float,
     state: State,
     lights: LightColumns,
-    channel: Channel,
+    channel: RadioChannel,
     radio: RadioColumns,
     memory: RadioMemory,
 ) -> bool:
@@ -175,19 +178,23 @@ def _write_vehicles(state: State, messages: Floats) -> None:
 
 
 @inlined
-def _send(k: int, channel: Channel, radio: RadioColumns, messages: Floats, time: float) -> None:
+def _send(k: int, channel: RadioChannel, radio: RadioColumns, messages: Floats, time: float) -> None:
+    """Keep the messages of all senders of world k, and draw when each vehicle gets them."""
     stream, vehicles = radio.stream[k], radio.heard.shape[1]
+    # the oldest messages give way
     slot = radio.sendings[k] % radio.sent.shape[1]
     radio.sendings[k] += 1
     radio.sent[k, slot] = time
     for s in range(messages.shape[0]):
         for column in range(COLUMNS):
             radio.content[k, slot, s, column] = messages[s, column]
+    # the positions that vehicles send are measured
     for i in range(vehicles):
         for axis in range(2):
             chance = uniform(stream)
             if channel.position_noise > 0.0:
                 radio.content[k, slot, i, axis] += channel.position_noise * inverse_normal(chance)
+    # each message is lost, out of range, or arrives after the delay and an exponential part of it
     for s in range(messages.shape[0]):
         for i in range(vehicles):
             fate, lateness = uniform(stream), uniform(stream)
@@ -256,6 +263,6 @@ def lamps_number(lights: Lights) -> int:
 
 
 def lamps_of(number: int) -> Lights:
-    """The lamps that `lamps_number` has made a number."""
+    """The lamps of which `lamps_number` has made that number."""
     headlights, indicators, tail, *rest = (int(value) for value in np.unravel_index(number, LAMP_STATES))
     return Lights(Headlights(headlights), Indicators(indicators), TailLights(tail), *map(bool, rest))

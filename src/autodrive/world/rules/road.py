@@ -76,6 +76,7 @@ def events(
 @jit_uncounted
 def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
     """Whether a wheel of the vehicle is outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
+    # a wheel is inside if a ray from it along x crosses an odd number of edges; one walk serves all four wheels
     xa, ya = _above(wheels[4 * vehicle]["hub"], position, orientation)
     xb, yb = _above(wheels[4 * vehicle + 1]["hub"], position, orientation)
     xc, yc = _above(wheels[4 * vehicle + 2]["hub"], position, orientation)

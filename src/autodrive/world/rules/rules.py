@@ -44,10 +44,10 @@ class RuleTables(NamedTuple):
 
     collisions: collisions.CollisionTable
     edges: Floats
-    """Of the drivable area; see `road.judge`."""
+    """Edges of the drivable area; see `road.judge`."""
     lights: lights.LightTable
     stop_lines: stop_lines.StopLineTable
-    radio: radio.Channel
+    radio: radio.RadioChannel
     traffic: traffic.TrafficTable
 
 

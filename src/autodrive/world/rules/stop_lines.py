@@ -22,7 +22,7 @@ from autodrive.world.compile import CompiledScenario
 STOP_SPEED = 0.05
 """A slower vehicle has stopped [m/s]."""
 STOP_REACH = 1.0
-"""It must have stopped with its front within so many of its lengths before the stop line."""
+"""Lengths of a vehicle before a stop line within which its front must have stopped."""
 RED = int(TrafficLightState.RED)
 
 
@@ -30,11 +30,11 @@ class StopLineTable(NamedTuple):
     """m stop lines and v vehicles: what does not change."""
 
     lines: Floats
-    """x, y, cosine and sine of the heading, width, whether it belongs to a stop sign, shape (m, 6)."""
+    """x, y of the middle [m], cosine and sine of the heading, width [m], whether a stop sign has it, shape (m, 6)."""
     light: Integers
-    """Number of its traffic light; -1: it belongs to a stop sign, shape (m,)."""
+    """Number of the traffic light of each line; -1: it belongs to a stop sign, shape (m,)."""
     fronts: Floats
-    """From the origin of each vehicle to its front [m], shape (v,)."""
+    """Distance from the origin of each vehicle to its front [m], shape (v,)."""
     reach: Floats
     """Distance before a line within which a vehicle must have stopped [m], shape (v,)."""
 
@@ -43,8 +43,8 @@ class StopLineColumns(NamedTuple):
     """n worlds with v vehicles and m stop lines."""
 
     ahead: Floats
-    """From the front of each vehicle to each line, along the heading of the line [m]; not a number: not known, shape
-    (n, v, m)."""
+    """Distance from the front of each vehicle to each line, along the heading of the line [m]; not a number: not
+    known, shape (n, v, m)."""
     has_stopped: NDArray[np.bool_]
     """Whether the vehicle has stopped since it came near to the line of a stop sign, shape (n, v, m)."""
     red_light_count: Integers
@@ -178,11 +178,13 @@ def _note_crossings(
     any_crossed = False
     lines, fronts, reach = table.lines, table.fronts, table.reach
     for i in range(fronts.shape[0]):
+        # the middle of the front: from the origin along the x axis of the vehicle
         w, x, y, z = orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3]
         front_x = position[i, 0] + fronts[i] * (1.0 - 2.0 * (y * y + z * z))
         front_y = position[i, 1] + fronts[i] * (2.0 * (x * y + w * z))
         is_slow = abs(velocity[i, 0]) < STOP_SPEED
         for k in range(lines.shape[0]):
+            # the line in its own axes: how far it is ahead of the front, and how far its middle is beside it
             dx, dy = lines[k, 0] - front_x, lines[k, 1] - front_y
             now = dx * lines[k, 2] + dy * lines[k, 3]
             aside = dy * lines[k, 2] - dx * lines[k, 3]

@@ -70,7 +70,7 @@ def check_driven(vehicle: str, frame: Frame) -> None:
     """Raises `CommandError` if there is no vehicle of that name that obeys commands."""
     check_vehicle(vehicle, frame)
     if frame.vehicles[vehicle].is_traffic:
-        raise drives_itself(vehicle, [name for name, one in frame.vehicles.items() if not one.is_traffic])
+        raise drives_itself(vehicle, [name for name, other in frame.vehicles.items() if not other.is_traffic])
 
 
 def check_world(world: object, user: str) -> None:

@@ -94,7 +94,7 @@ class Paced(Publisher, ABC):
 
     @property
     def is_running(self) -> bool:
-        """Whether its thread, or a `run`, is active (also while paused)."""
+        """Whether the thread of the simulation, or a `run`, is active (also while paused)."""
         return self._thread is not None
 
     @abstractmethod

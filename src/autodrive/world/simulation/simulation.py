@@ -161,7 +161,10 @@ class Simulation(Paced):
                 self._renewable[vehicle] = command
 
     def renew(self, vehicle: str, command: Command) -> None:
-        """See `Control.renew`; headlights and indicators stay as they are."""
+        """Drive one more tick with the command that was submitted last; see `Control.renew`.
+
+        Headlights and indicators stay as they are.
+        """
         with self._mailbox:
             if self._renewable.get(vehicle) is command:
                 self._commands.setdefault((vehicle, "script"), Command(command.throttle, command.steering))
@@ -203,7 +206,7 @@ class Simulation(Paced):
             self._world_lock.release()
 
     def add_observer(self, observer: Observer) -> None:
-        """As `add_sink`, and tell it the commands of each tick and the requests, in their order."""
+        """Tell `observer` the Frames, the commands of each tick and the requests, in their order."""
         with self._mailbox:
             self._observers = (*self._observers, observer)
         self.add_sink(observer)
@@ -215,7 +218,10 @@ class Simulation(Paced):
         self.remove_sink(observer)
 
     def prepare(self, name: str) -> World | None:
-        """See `Paced.prepare`; the World is kept until its request, the next call, or `stop`."""
+        """Make the World of a scenario in this thread; see `Paced.prepare`.
+
+        It is kept until the `LoadScenario` that asks for it, the next call, or `stop`.
+        """
         check_request(LoadScenario(name), self._frame, error=self.error, can_load=self._load is not None)
         assert self._load is not None
         if self.world.belongs_to_thread:
@@ -302,10 +308,10 @@ class Simulation(Paced):
                 commands[name] = command
         if step_commands:
             self._end_renewal(step_commands)
-        given = {**commands, **step_commands}
+        commands |= step_commands
         for observer in self._observers:
-            observer.given(given)
-        self._publish(self.world.step(given))
+            observer.given(commands)
+        self._publish(self.world.step(commands))
         if self._pace.count(self._clock.now()):
             log.warning("cannot keep up with speed %g: simulated time slows down", self.speed)
 
@@ -376,7 +382,7 @@ class Simulation(Paced):
             self._commands, self._renewable = {}, {}
 
     def _use(self, world: World) -> None:
-        """Run that World from now on."""
+        """Run `world` from now on, and close the World before."""
         before, self.world = self.world, world
         if world is not before:
             before.close()

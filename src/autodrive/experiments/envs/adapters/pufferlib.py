@@ -1,4 +1,4 @@
-"""For PufferLib 3: `NigelPufferEnv("NigelLaneKeeping-v0", 256)`, itself a vector environment.
+"""A vector environment for PufferLib 3: `NigelPufferEnv("NigelLaneKeeping-v0", 256)`.
 
 PufferLib 3.0 states that it needs NumPy below 2 and Gymnasium below 1, which our package does not support; its
 environments and `pufferlib.vector` run with later ones, too.

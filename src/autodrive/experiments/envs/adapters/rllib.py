@@ -1,4 +1,4 @@
-"""For RLlib: `register()`, then `PPOConfig().environment("NigelLaneKeeping-v0", env_config={"frame_skip": 5})`."""
+"""Environments for RLlib: `register()`, then `PPOConfig().environment("NigelLaneKeeping-v0", env_config={...})`."""
 
 from __future__ import annotations
 

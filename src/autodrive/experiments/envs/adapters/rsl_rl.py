@@ -1,4 +1,4 @@
-"""For rsl_rl: `OnPolicyRunner(NigelVecEnv("NigelLaneKeeping-v0", 256), cfg, device="cpu")`."""
+"""A vector environment for rsl_rl: `OnPolicyRunner(NigelVecEnv("NigelLaneKeeping-v0", 256), cfg, device="cpu")`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""For Stable-Baselines3: `PPO("MlpPolicy", NigelVecEnv("NigelLaneKeeping-v0", 64))`."""
+"""A vector environment for Stable-Baselines3: `PPO("MlpPolicy", NigelVecEnv("NigelLaneKeeping-v0", 64))`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class NigelVecEnv(VecEnv):
             infos[row] = {
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
-                **{name: of[row].item() for name, of in info["final_info"].items() if name[0] != "_"},
+                **{name: values[row].item() for name, values in info["final_info"].items() if name[0] != "_"},
             }
         return observations, rewards.astype(np.float32), terminated | truncated, infos
 
@@ -79,9 +79,9 @@ class NigelVecEnv(VecEnv):
         raise SpecError([f"{method_name}: the environments of a batch have no methods of their own"])
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is."""
+        """False for each environment: wrappers are for single environments."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[Any]:
-        """None: a batch draws no images."""
+        """List of None, one for each environment: a batch draws no images."""
         return [None] * self.num_envs

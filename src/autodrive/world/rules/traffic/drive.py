@@ -34,15 +34,15 @@ ACCELERATION = 1.0 / SCALE
 BRAKING = 1.5 / SCALE
 """Comfortable deceleration b [m/s^2]."""
 EXPONENT = 4
-"""Of the speed, delta."""
+"""Exponent delta of the speed on a free road."""
 YELLOW_BRAKING = 3.0 / SCALE
 """A driver who would brake harder for a yellow light drives on [m/s^2]; it is the usual value for its duration."""
 SIDE_MARGIN = 0.05
-"""Beside the bodies of two vehicles that pass each other [m]."""
+"""Room between the bodies of two vehicles that pass each other [m]."""
 STOP_MARGIN = 0.03
-"""From the front of a waiting vehicle to the stop line [m]."""
+"""Distance from the front of a waiting vehicle to the stop line [m]."""
 LINE_MARGIN = 0.01
-"""Likewise, after hard braking [m]."""
+"""Distance from the front of a vehicle to the stop line after hard braking [m]."""
 LOOK = 2.0
 """A driver looks so far for vehicles ahead [m]."""
 ASK = 1.6
@@ -50,7 +50,7 @@ ASK = 1.6
 AT_LINE = 0.4
 """A driver nearer than that waits at the gate, and others who would go later let it go first [m]."""
 PATIENCE = 20.0
-"""After so long at a gate a driver no longer gives way to those who come later [s]."""
+"""A driver who has waited so long at a gate no longer gives way to those who come later [s]."""
 STOPPED = 0.03
 """A slower vehicle has stopped [m/s]."""
 SIGNAL = 30.0 / SCALE
@@ -61,7 +61,7 @@ off below the second one [m/s^2]."""
 LOST = 0.3
 """A vehicle farther from its link looks for another one [m]."""
 STEERING_GAIN = 2.0
-"""Of the cross-track error [1/s] (Hoffmann, (5))."""
+"""Gain k of the cross-track error [1/s] (Hoffmann, (5))."""
 STEERING_SPEED = 0.2
 """Softens the steering at low speed [m/s]."""
 UNREGULATED, RED, YELLOW, GREEN = 0, 1, 2, 3
@@ -70,7 +70,7 @@ ROUTE = 3
 """Links of the route behind the present one."""
 NONE = -1
 BOX = -2
-"""In the place of the number of a vehicle ahead: it is a box."""
+"""Stands in the place of the number of a vehicle ahead if a box is ahead."""
 
 
 class Drivers(NamedTuple):
@@ -79,7 +79,7 @@ class Drivers(NamedTuple):
     link: Integers
     """Link of the front axle; -1: off the roads, shape (n,)."""
     at: Floats
-    """Place of the front axle on it, from its start [m], shape (n,)."""
+    """Place of the front axle on its link, from the start of the link [m], shape (n,)."""
     route: Integers
     """Links that follow, shape (n, ROUTE)."""
     behind: Integers
@@ -102,25 +102,25 @@ class Drivers(NamedTuple):
     """Random numbers of the route, shape (n, 3)."""
 
 
-class Plan(NamedTuple):
+class TrafficPlan(NamedTuple):
     """Working memory of a tick, which the next one does not read; n drivers."""
 
     gate: Integers
     """Next gate that is not granted; -1: none, shape (n,)."""
     exit: Integers
-    """Link behind it, shape (n,)."""
+    """Link behind the next gate; -1: none, shape (n,)."""
     distance: Floats
-    """From the front of the vehicle to where it waits for that gate [m], shape (n,)."""
+    """Distance from the front of the vehicle to where it waits for the next gate [m], shape (n,)."""
     is_ready: Integers
     """1: only other vehicles at the gate can keep the driver from entering, shape (n,)."""
     is_claimed: Integers
     """1: waits at the gate for those who are in it, shape (n,)."""
     gap: Floats
-    """To the vehicle ahead [m], infinite without one, shape (n,)."""
+    """Distance from the front of the vehicle to the vehicle or box ahead [m]; infinite: none is ahead, shape (n,)."""
     leader: Integers
-    """Number of that vehicle; -1: none; -2: it is a box, shape (n,)."""
+    """Number of the vehicle ahead; -1: none; -2: a box is ahead, shape (n,)."""
     leader_speed: Floats
-    """Its speed along the link [m/s], shape (n,)."""
+    """Speed of the vehicle ahead along the link [m/s], shape (n,)."""
     order: Integers
     """Drivers in the order in which they asked, shape (n,)."""
 
@@ -145,7 +145,7 @@ def new_drivers(shape: tuple[int, ...]) -> Drivers:
 
 @inlined
 def drivers_of(k: int, drivers: Drivers) -> Drivers:
-    """Those of world k of many, whose columns have one more axis."""
+    """The drivers of world k, from columns of many worlds, whose first axis is the world."""
     d = drivers
     return Drivers(
         d.link[k],
@@ -163,9 +163,9 @@ def drivers_of(k: int, drivers: Drivers) -> Drivers:
     )
 
 
-def new_plan(n: int) -> Plan:
+def new_plan(n: int) -> TrafficPlan:
     """Working memory of n drivers."""
-    return Plan(
+    return TrafficPlan(
         gate=np.zeros(n, np.int64),
         exit=np.zeros(n, np.int64),
         distance=np.zeros(n),
@@ -179,28 +179,28 @@ def new_plan(n: int) -> Plan:
 
 
 class Bodies(NamedTuple):
-    """What does not change; v vehicles of the Model, n drivers."""
+    """Numbers of the v vehicles of the Model and the n drivers that do not change."""
 
     row: Integers
     """Number of the vehicle of each driver, shape (n,)."""
     driver: Integers
     """Number of the driver of each vehicle; -1: it has none, shape (v,)."""
     front: Floats
-    """From the origin of each vehicle to its front bumper [m], shape (v,)."""
+    """Distance from the origin of each vehicle to its front bumper [m], shape (v,)."""
     rear: Floats
-    """From its rear bumper to its origin [m], shape (v,)."""
+    """Distance from the rear bumper of each vehicle to its origin [m], shape (v,)."""
     half_width: Floats
-    """[m], shape (v,)."""
+    """Half the width of each vehicle [m], shape (v,)."""
     wheelbase: Floats
-    """[m], shape (v,)."""
+    """Distance between the axles of each vehicle [m], shape (v,)."""
     steering_limit: Floats
-    """[rad], shape (v,)."""
+    """Greatest steering angle of each vehicle [rad], shape (v,)."""
     box: Integers
     """Where the poses of the boxes are in `State.qpos`."""
     box_radius: Floats
-    """Of a circle around each box, from above [m]."""
+    """Radius of a circle around each box, from above [m]."""
     top_speed: Floats
-    """At full throttle [m/s], shape (v,)."""
+    """Speed of each vehicle at full throttle [m/s], shape (v,)."""
 
 
 class Seen(NamedTuple):
@@ -230,7 +230,7 @@ def drive(
     roads: Roads,
     bodies: Bodies,
     drivers: Drivers,
-    plan: Plan,
+    plan: TrafficPlan,
     seen: Seen,
     lights: Integers,
     tick: int,
@@ -267,6 +267,7 @@ def _heading(row: int, seen: Seen) -> tuple[float, float]:
 @inlined
 def _on_link(link: int, at: float, roads: Roads) -> tuple[float, float, float, float]:
     """Point at a place of a link [m], and the unit vector of its direction."""
+    # between the two points of the centre line around the place; a place behind the end is at the end
     first, last = roads.point_first[link], roads.point_first[link + 1] - 1
     where = max(at, 0.0) / roads.spacing[link]
     k = min(int(where), last - first - 1)
@@ -303,7 +304,7 @@ def _locate(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, seen: Seen) 
     row = bodies.row[c]
     x, y = _front_axle(row, bodies, seen)
     link = drivers.link[c]
-    if link != NONE:
+    if link != NONE:  # the place moves by what the front axle has moved along the link since the last tick
         px, py, tx, ty = _on_link(link, drivers.at[c], roads)
         dx, dy = x - px, y - py
         if dx * dx + dy * dy > LOST * LOST:
@@ -313,6 +314,7 @@ def _locate(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, seen: Seen) 
     if link == NONE:
         _find(c, x, y, roads, bodies, drivers, seen)
         return
+    # behind the end of a link the next one of the route begins, and a new last one is drawn
     if drivers.at[c] > roads.length[link]:
         drivers.at[c] -= roads.length[link]
         drivers.behind[c] = link
@@ -331,19 +333,19 @@ def _find(c: int, x: float, y: float, roads: Roads, bodies: Bodies, drivers: Dri
     """Look for the nearest place on all links in the direction of a vehicle; a new route begins there."""
     row = bodies.row[c]
     hx, hy = _heading(row, seen)
-    least, found, at = LOST * LOST, NONE, 0.0
+    least, nearest, at = LOST * LOST, NONE, 0.0
     for link in range(roads.length.shape[0]):
         first = roads.point_first[link]
         for k in range(first, roads.point_first[link + 1]):
             p = roads.points[k]
             away = (p[0] - x) * (p[0] - x) + (p[1] - y) * (p[1] - y)
             if away < least and hx * p[2] + hy * p[3] > 0.5:
-                least, found, at = away, link, (k - first) * roads.spacing[link]
-    drivers.link[c], drivers.at[c] = found, at
+                least, nearest, at = away, link, (k - first) * roads.spacing[link]
+    drivers.link[c], drivers.at[c] = nearest, at
     drivers.behind[c] = drivers.granted[c] = drivers.asked[c] = NONE
     drivers.has_stopped[c] = 0
-    if found != NONE:
-        before = found
+    if nearest != NONE:
+        before = nearest
         for k in range(ROUTE):
             before = _drawn(before, roads, drivers.stream[c])
             drivers.route[c, k] = before
@@ -356,7 +358,7 @@ def _route(c: int, k: int, drivers: Drivers) -> int:
 
 
 @inlined
-def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, seen: Seen) -> None:
+def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen) -> None:
     """Find the vehicle or box ahead: the first one that is in the way."""
     plan.gap[c], plan.leader[c], plan.leader_speed[c] = np.inf, NONE, 0.0
     if drivers.link[c] == NONE:
@@ -366,6 +368,7 @@ def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Pl
     for other in range(bodies.driver.shape[0]):
         if other == row:
             continue
+        # the other vehicle as a capsule: middle, half length of its axis, radius
         ox, oy = _heading(other, seen)
         half = bodies.half_width[other]
         nose, tail = bodies.front[other] - half, half - bodies.rear[other]
@@ -412,23 +415,25 @@ def _way_to(
     """
     x, y = _front_axle(bodies.row[c], bodies, seen)
     hx, hy = _heading(bodies.row[c], seen)
+    # most bodies are too far away or behind: they are left out before the walk along the route
     clear = own + half
     limit = reach + length + clear
     dx, dy = mx - x, my - y
     if dx * dx + dy * dy > limit * limit or dx * hx + dy * hy < -length - clear:
         return reach, 0.0, 0.0
+    # walk along the centre lines of the route, every second point, until one is nearer to the capsule than `clear`
     link, at, way, k = drivers.link[c], drivers.at[c], 0.0, 0
     while way < reach:
         px, py, tx, ty = _on_link(link, at, roads)
         px, py = px - mx, py - my
-        along = min(max(px * ox + py * oy, -length), length)
+        along = min(max(px * ox + py * oy, -length), length)  # nearest place on the axis of the capsule
         sx, sy = px - along * ox, py - along * oy
         away = sx * sx + sy * sy
         if away < clear * clear:
             return way, sqrt(away) - half, ox * tx + oy * ty
         way += 2.0 * roads.spacing[link]
         at += 2.0 * roads.spacing[link]
-        if at > roads.length[link]:
+        if at > roads.length[link]:  # go on with the next link of the route
             if k == ROUTE:
                 break
             at -= roads.length[link]
@@ -450,7 +455,7 @@ def _is_inside(c: int, roads: Roads, bodies: Bodies, drivers: Drivers) -> bool:
 
 @inlined
 def _note_gate(
-    c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, seen: Seen, lights: Integers, tick: int
+    c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen, lights: Integers, tick: int
 ) -> None:
     """Write the next gate that a driver has to wait for, and whether only vehicles in it can be in the way."""
     plan.gate[c], plan.exit[c], plan.distance[c] = NONE, NONE, np.inf
@@ -497,7 +502,7 @@ def _has_passed(vehicle: int, bodies: Bodies, roads: Roads, drivers: Drivers) ->
 
 
 @inlined
-def _has_room(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan) -> bool:
+def _has_room(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan) -> bool:
     """Whether the link behind the gate has room for one more vehicle, so that it does not stop in the gate."""
     link, gate = plan.exit[c], plan.gate[c]
     row = bodies.row[c]
@@ -526,7 +531,7 @@ def _has_room(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan
 
 
 @inlined
-def _is_taken(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan) -> bool:
+def _is_taken(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan) -> bool:
     """Whether another vehicle is in a gate that crosses or joins the one of a driver, or may enter it."""
     gate = plan.gate[c]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
@@ -564,7 +569,7 @@ def _is_user_in(vehicle: int, gate: int, roads: Roads, bodies: Bodies, seen: See
 
 
 @inlined
-def _must_yield(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, seen: Seen) -> bool:
+def _must_yield(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen) -> bool:
     """Whether a vehicle with the right of way comes before the critical gap is over."""
     gate = plan.gate[c]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
@@ -586,12 +591,13 @@ def _user_comes(gate: int, roads: Roads, bodies: Bodies, seen: Seen) -> bool:
     """
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
         rival = roads.conflict[r]
-        x, y, tx, ty = _on_link(int(rival), float(roads.stop_at[rival]), roads)
+        x, y, tx, ty = _on_link(int(rival), float(roads.stop_at[rival]), roads)  # the stop line of the rival gate
         for vehicle in range(bodies.driver.shape[0]):
             if bodies.driver[vehicle] != NONE:
                 continue
             if _is_user_in(vehicle, rival, roads, bodies, seen):
                 return True
+            # in the axes of the vehicle: how far the line is ahead of its front, and beside it
             hx, hy = _heading(vehicle, seen)
             dx, dy = x - seen.position[vehicle, 0], y - seen.position[vehicle, 1]
             ahead, aside = dx * hx + dy * hy - bodies.front[vehicle], dy * hx - dx * hy
@@ -604,7 +610,7 @@ def _user_comes(gate: int, roads: Roads, bodies: Bodies, seen: Seen) -> bool:
 
 
 @inlined
-def _is_claimed(c: int, roads: Roads, plan: Plan) -> bool:
+def _is_claimed(c: int, roads: Roads, plan: TrafficPlan) -> bool:
     """Whether a driver who asked before waits at a gate that crosses or joins, and need not give way."""
     gate = plan.gate[c]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
@@ -616,9 +622,12 @@ def _is_claimed(c: int, roads: Roads, plan: Plan) -> bool:
 
 
 @inlined
-def _grant_gates(roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, seen: Seen, tick: int, dt: float) -> None:
+def _grant_gates(
+    roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen, tick: int, dt: float
+) -> None:
     """Let drivers enter their gates, in the order in which they asked."""
     n = bodies.row.shape[0]
+    # sort those who ask by the tick at which they asked: each is inserted behind all that asked before
     count = 0
     for c in range(n):
         if plan.is_ready[c] == 1 and drivers.asked[c] != NONE and plan.distance[c] < ASK:
@@ -628,6 +637,7 @@ def _grant_gates(roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, see
                 k -= 1
             plan.order[k] = c
             count += 1
+    # let them enter one by one; who has waited too long gives way no more
     for k in range(count):
         c = plan.order[k]
         if not _has_room(c, roads, bodies, drivers, plan):
@@ -653,7 +663,7 @@ def _command(
     roads: Roads,
     bodies: Bodies,
     drivers: Drivers,
-    plan: Plan,
+    plan: TrafficPlan,
     seen: Seen,
     dt: float,
     throttle: Floats,
@@ -666,17 +676,19 @@ def _command(
     if link == NONE:
         drivers.speed[c], drivers.is_braking[c] = 0.0, 1
         return
+    # speed: the one commanded before, but close to the actual one, and from it the acceleration of the model
     actual, desired = seen.velocity[row, 0], drivers.desired[c]
     speed = min(max(drivers.speed[c], actual - 0.1), max(actual, 0.0) + 0.1)
     before = speed
     acceleration = idm_acceleration(speed, desired, plan.gap[c], speed - plan.leader_speed[c])
-    if plan.gate[c] != NONE:
+    if plan.gate[c] != NONE:  # the stop line is like the end of a standing vehicle
         gap = plan.distance[c] - STOP_MARGIN + JAM_GAP
         acceleration = min(acceleration, idm_acceleration(speed, desired, gap, speed))
     speed += acceleration * dt
     if plan.gate[c] != NONE:  # the model alone may stop a little behind the line
         speed = min(speed, sqrt(2.0 * YELLOW_BRAKING * max(plan.distance[c] - LINE_MARGIN, 0.0)))
     drivers.speed[c] = min(max(speed, 0.0), bodies.top_speed[row])
+    # brake lamps, with a hysteresis
     deceleration = (before - drivers.speed[c]) / dt
     is_standing = drivers.speed[c] < STOPPED and deceleration >= 0.0
     if is_standing or deceleration > BRAKE_ON:
@@ -684,6 +696,7 @@ def _command(
     elif deceleration < BRAKE_OFF:
         drivers.is_braking[c] = 0
     throttle[row] = drivers.speed[c] / bodies.top_speed[row]
+    # steering (Hoffmann, (5)): the angle to the direction of the link, less one that grows with the cross-track error
     x, y = _front_axle(row, bodies, seen)
     hx, hy = _heading(row, seen)
     px, py, tx, ty = _on_link(link, drivers.at[c], roads)

@@ -22,8 +22,8 @@ from autodrive.world.rules.traffic.drive import (
     UNREGULATED,
     Bodies,
     Drivers,
-    Plan,
     Seen,
+    TrafficPlan,
     drive,
     drivers_of,
     new_drivers,
@@ -37,7 +37,7 @@ class TrafficTable(NamedTuple):
     """What does not change."""
 
     roads: Roads
-    """On which the traffic drives."""
+    """Roads on which the traffic drives."""
     bodies: Bodies
     """What the drivers know of all vehicles."""
     tick: float
@@ -47,7 +47,7 @@ class TrafficTable(NamedTuple):
 class TrafficMemory(NamedTuple):
     """Working memory of a tick."""
 
-    plan: Plan
+    plan: TrafficPlan
     lights: Integers
     """What the drivers see of each traffic light, shape (l,)."""
 

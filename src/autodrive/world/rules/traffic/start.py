@@ -25,7 +25,7 @@ NEAREST = 1.4
 def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[ScenarioSpec, list[Problem]]:
     """The scenario with so many of that vehicle behind the others, at their starts, and problems."""
     at = PlaceInFile("scenario", ("traffic",))
-    own = {name: one for name, one in spec.vehicles.items() if name not in spec.traffic.names}
+    own = {name: placement for name, placement in spec.vehicles.items() if name not in spec.traffic.names}
     if spec.race is not None:
         return spec, [(at, ": a scenario with a race cannot have traffic; remove one of them")]
     if map_.track is not None:
@@ -33,19 +33,19 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
     if vehicle.drivetrain.control != "speed":
         return spec, [(at, f": the throttle of '{spec.traffic.type}' must set a speed (control: speed), not a torque")]
     for name in spec.traffic.names:  # in an edit or a recording they are among the vehicles, all sensors off
-        one = spec.vehicles.get(name)
-        if one is not None and (not one.sensors or any(sensor.is_on for sensor in one.sensors.values())):
+        placement = spec.vehicles.get(name)
+        if placement and (not placement.sensors or any(sensor.is_on for sensor in placement.sensors.values())):
             place = PlaceInFile("scenario", ("vehicles", name))
             return spec, [(place, ": this name belongs to the traffic; choose another name")]
     links = roads(map_, clearance(vehicle))
-    taken = [(one.x, one.y) for one in own.values()] + [box.position[:2] for box in map_.boxes]
+    taken = [(placement.x, placement.y) for placement in own.values()] + [box.position[:2] for box in map_.boxes]
     taken += [(box.x, box.y) for box in spec.boxes.values()]
     length = sum(reach(vehicle))
     starts = chosen_places(start_places(links, vehicle), length, spec.traffic.cars, spec.seed, taken)
     if len(starts) < spec.traffic.cars:
         text = f"room for {len(starts)} cars" if links.link_count else "no closed way of lanes"
         return spec, [(at, f": map '{spec.map_name}' has {text}; the traffic has {spec.traffic.cars} cars")]
-    sensors = [name for name, one in vehicle.sensors if one is not None]
+    sensors = [name for name, sensor in vehicle.sensors if sensor is not None]
     is_off = dict.fromkeys([*sensors, *vehicle.cameras], SensorSettings(is_on=False))
     placed = {
         name: VehiclePlacement(type=spec.traffic.type, x=x, y=y, yaw_deg=math.degrees(yaw), sensors=is_off)
@@ -81,7 +81,7 @@ def chosen_places(
     seed: int,
     taken: Sequence[tuple[float, float]],
 ) -> list[tuple[float, float, float]]:
-    """So many of these places, by chance; fewer if there is not enough room.
+    """Up to `count` of these places, by chance; fewer if there is not enough room.
 
     They are apart and away from the points `taken` [m]; `length` of a vehicle [m].
     """
@@ -91,18 +91,18 @@ def chosen_places(
         if len(chosen) == count:
             break
         x, y, yaw = places[k]
-        if all(math.dist((x, y), one) > NEAREST * length for one in near):
+        if all(math.dist((x, y), point) > NEAREST * length for point in near):
             chosen.append((x, y, yaw))
             near.append((x, y))
     return chosen
 
 
 def reach(vehicle: VehicleSpec) -> tuple[float, float]:
-    """From the origin of a vehicle to its front and to its rear [m]."""
+    """Distances from the origin of a vehicle to its front and to its rear [m]."""
     front = 0.5 * (vehicle.wheelbase + vehicle.size[0])
     return front, vehicle.size[0] - front
 
 
 def clearance(vehicle: VehicleSpec) -> float:
-    """Between the centre lines of lanes on which two such vehicles pass each other [m]."""
+    """Distance between the centre lines of lanes on which two such vehicles can pass each other [m]."""
     return vehicle.size[1] + SIDE_MARGIN
