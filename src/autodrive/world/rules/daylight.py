@@ -83,4 +83,6 @@ def light_of(columns: DaylightColumns) -> SceneLight:
 @jit_uncounted
 def time_of_day(k: int, time: float, columns: DaylightColumns) -> float:
     """`SceneLight.at` in world k: time since midnight [s]; not a number if the light is fixed."""
+    if np.isnan(columns.start[k]):
+        return np.nan
     return (columns.start[k] + columns.scale[k] * (time - columns.since[k])) % DAY_LENGTH
