@@ -67,7 +67,6 @@ NOT_YET: dict[str, tuple[int, int]] = {
     "experiments/envs/single_env.py": (0, 1),
     "experiments/envs/task.py": (1, 6),
     "experiments/envs/time_trial.py": (2, 6),
-    "protocol/typescript.py": (8, 0),
     "world/batch/batch_world.py": (19, 4),
     "world/batch_camera.py": (1, 0),
     "world/columns.py": (1, 3),
