@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable
 from http.client import HTTPConnection
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ import pytest
 from msgspec.structs import astuple, replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
+from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 import autodrive
 from autodrive import Client, Command, Simulation
@@ -27,16 +30,18 @@ from autodrive.connect.client.last_run import NotedRun, user_name
 from autodrive.connect.devkit import Nigel
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
+from autodrive.protocol.codec import encode
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.protocol.messages import Drawing, Event, Headlights, TrafficLightState
+from autodrive.protocol.messages import Drawing, Event, Frame, Headlights, OffRoad, TrafficLightState
+from autodrive.protocol.native import SUBPROTOCOL, Response, Welcome
 from autodrive.scenario import ScenarioSpec
 from autodrive.world import SensorView
 from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.builds import run
 from tests.support.cars import car_file
-from tests.support.native_clients import scene_files
+from tests.support.native_clients import scene_files, unpack
 from tests.support.waiting import LIMIT
 
 URL = "ws://127.0.0.1:{}/socket.io/?EIO={}&transport=websocket"
@@ -390,7 +395,7 @@ def test_cpp_reads_the_same_frames_and_events_as_the_python_client(build: Path, 
         lines = run(build / "frame", server.port, steps).splitlines()
         with Client(server.address) as client:
             client.pause()
-            client.reset()
+            frame = client.reset()
             events: list[Event] = []
             for _ in range(steps):
                 drive = {"V1": Command(0.3, headlights=Headlights.HIGH), "V2": Command(0.5)}
@@ -439,3 +444,32 @@ def test_cpp_reads_the_same_frames_and_events_as_the_python_client(build: Path, 
             value if isinstance(value, str) else float(value)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
             for value in values
         ]
+
+
+def test_cpp_keeps_the_events_of_frames_that_it_did_not_return(build: Path) -> None:
+    """The Response to a request comes after two streamed Frames; another Frame comes later."""
+    world = autodrive.make("plane")
+
+    def frame_of(tick: int) -> Frame:
+        return replace(world.frame, tick=tick, events=(OffRoad(0.0, f"car_{tick}", np.zeros(3)),))
+
+    def answer(connection: ServerConnection) -> None:
+        for _ in ("Hello", "Subscribe"):
+            connection.recv(LIMIT)
+        for message in (Welcome(2, "", "", {}), scene_files(world).scene):
+            connection.send(encode(message))
+        request = unpack(connection.recv(LIMIT))
+        for message in (frame_of(1), frame_of(2), Response(request["id"], frame_of(3)), frame_of(4)):
+            connection.send(encode(message))
+        with contextlib.suppress(ConnectionClosed):
+            connection.recv(LIMIT)
+
+    with serve(answer, "127.0.0.1", 0, subprotocols=[Subprotocol(SUBPROTOCOL)]) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            printed = run(build / "tests", "events", server.socket.getsockname()[1])
+        finally:
+            server.shutdown()
+            thread.join()
+    assert printed.splitlines() == ["car_1 car_2 car_3 3", "car_4 4"]

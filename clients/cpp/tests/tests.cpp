@@ -1,4 +1,6 @@
-// Programs of the tests, in one file so that the headers are compiled once. Usage: tests text|messages|telemetry
+// Programs of the tests, in one file so that the headers are compiled once. Usage: tests
+// text|messages|telemetry|events PORT
+#include <autodrive/client.hpp>
 #include <autodrive/impl/messages.ipp>
 #include <autodrive/telemetry.hpp>
 #include <cmath>
@@ -141,6 +143,15 @@ void print_telemetry() {
     for (const std::string& error : errors) std::cout << "error " << error << '\n';
 }
 
+// Prints the vehicles of the events of a reset and of the next Frame.
+void print_events(const char* port) {
+    autodrive::Client simulator("127.0.0.1", static_cast<unsigned short>(std::atoi(port)));
+    for (const autodrive::Frame& frame : {simulator.reset(), simulator.next()}) {
+        for (const autodrive::Event& event : frame.events) std::cout << event.vehicle << ' ';
+        std::cout << frame.tick << std::endl;
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -149,10 +160,12 @@ int main(int argc, char** argv) {
         test_text();
     } else if (command == "messages") {
         test_messages();
+    } else if (command == "events" && argc > 2) {
+        print_events(argv[2]);
     } else if (command == "telemetry") {
         print_telemetry();
     } else {
-        std::cerr << "usage: tests text|messages|telemetry" << std::endl;
+        std::cerr << "usage: tests text|messages|telemetry|events PORT" << std::endl;
         return 2;
     }
 }

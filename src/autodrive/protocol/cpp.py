@@ -49,7 +49,7 @@ _INITIAL = {
     "Eigen::Quaterniond": "Eigen::Quaterniond::Identity()",
 } | {f"Eigen::Vector{size}d": f"Eigen::Vector{size}d::Zero()" for size in (2, 3, 4)}
 """Type -> value of a field before a message is read; other types have a default of their own."""
-_DEFAULTS = {(Drawing, "kind"): '"path"'}
+_DEFAULTS: dict[tuple[type, str], str] = {(Drawing, "kind"): '"path"'}
 """Default values that only the C++ client has."""
 
 _OTHER_NAMES: dict[type, tuple[tuple[str, str, str], ...]] = {

@@ -29,17 +29,20 @@ def field_comments(kind: type) -> dict[str, str]:
 
 
 class Language(ABC):
-    """Writes types in a language. `declared`: struct or enumeration -> its declaration, after those that it needs."""
+    """Writes types in a language.
+
+    `declared`: struct, enumeration or union -> its declaration, after those that it needs.
+    """
 
     def __init__(self) -> None:
-        self.declared: dict[type, str] = {}
+        self.declared: dict[Any, str] = {}
 
     def written(self, hint: Any) -> str:
         """A type in the language; the structs and enumerations that it refers to are declared first."""
         origin, parts = get_origin(hint), get_args(hint)
         shape = next((note for note in parts if isinstance(note, ArrayShape)), None)
-        if shape:
-            text = self.array(element_type(parts[0]), shape)
+        if element := element_type(parts[0] if shape else hint):
+            text = self.array(element, shape)
         elif origin is Annotated:
             text = self.written(parts[0])
         elif origin in {Union, types.UnionType}:
@@ -52,8 +55,6 @@ class Language(ABC):
             text = self.fixed_tuple([self.written(part) for part in parts])
         elif origin in {list, tuple}:
             text = self.sequence(self.written(parts[0]))
-        elif element := element_type(hint):
-            text = self.array(element, None)
         elif isinstance(hint, type) and issubclass(hint, IntEnum | msgspec.Struct):
             if hint not in self.declared:
                 self.declared[hint] = self.enumeration(hint) if issubclass(hint, IntEnum) else self.struct(hint)
@@ -95,7 +96,7 @@ class Language(ABC):
         """Any number of elements."""
 
     @abstractmethod
-    def array(self, element: type[np.generic] | None, shape: ArrayShape | None) -> str:
+    def array(self, element: type[np.generic], shape: ArrayShape | None) -> str:
         """An array; `shape` None: of any length."""
 
     @abstractmethod

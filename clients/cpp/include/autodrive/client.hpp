@@ -57,7 +57,8 @@ public:
     /// Moves the connection.
     Client& operator=(Client&&) noexcept;
 
-    /// Waits for the next Frame. Frames that were not read in time are dropped; the latest one is kept.
+    /// Waits for the next Frame. Frames that were not read in time are dropped; the latest one is kept, with the events of
+    /// those that were dropped.
     Frame next();
 
     /// Drives a vehicle in autonomous mode. A command is valid for 0.5 s of simulated time, so it must be repeated.

@@ -198,6 +198,7 @@ AUTODRIVE_INLINE void Client::handle(const Json& message) {
         scene_ = message;
         scans_.clear();
         pictures_.clear();
+        is_new_ = false;
     } else if (type == "Welcome") {
         welcome_ = message;
     } else if (type == "Error") {
@@ -206,7 +207,9 @@ AUTODRIVE_INLINE void Client::handle(const Json& message) {
 }
 
 AUTODRIVE_INLINE void Client::set_frame(const Json& json) {
-    frame_ = wire::read<Frame>(json);
+    auto frame = wire::read<Frame>(json);
+    if (is_new_) frame.events.insert(frame.events.begin(), frame_.events.begin(), frame_.events.end());
+    frame_ = std::move(frame);
     is_new_ = true;
     for (auto& [name, vehicle] : frame_.vehicles)
         if (const auto scan = scans_.find(name); scan != scans_.end()) vehicle.lidar = scan->second;
