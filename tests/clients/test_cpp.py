@@ -9,36 +9,45 @@ import json
 import math
 import subprocess
 import time
+from collections.abc import Iterable
 from http.client import HTTPConnection
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
+from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 import autodrive
-from autodrive import Command, Simulation
+from autodrive import Client, Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.client.last_run import NotedRun, user_name
 from autodrive.connect.devkit import Nigel
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
+from autodrive.protocol.codec import encode
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.protocol.messages import Drawing, TrafficLightState
+from autodrive.protocol.messages import Drawing, Event, Frame, Headlights, OffRoad, TrafficLightState
+from autodrive.protocol.native import SUBPROTOCOL, Response, Welcome
 from autodrive.scenario import ScenarioSpec
+from autodrive.world import SensorView
 from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.builds import run
-from tests.support.native_clients import scene_files
+from tests.support.cars import car_file
+from tests.support.native_clients import scene_files, unpack
 from tests.support.waiting import LIMIT
 
 URL = "ws://127.0.0.1:{}/socket.io/?EIO={}&transport=websocket"
 
 
-def test_text_functions_agree_with_other_implementations(build: Path) -> None:
+def test_text_functions_and_messages_agree_with_other_implementations(build: Path) -> None:
     run("ctest", "--test-dir", build, "--output-on-failure")
 
 
@@ -344,3 +353,123 @@ def test_cpp_without_an_address_uses_the_last_run_in_its_folder(
             with NotedRun(replace(server.origin, id="other", started=server.origin.started + 1.0)) as other:
                 other.write(server.address)
                 assert "is not the last run in this folder: give the address" in printed()[0]
+
+
+class Beam:
+    """A sensor of the user: the distance ahead, and a random number."""
+
+    rate = 50.0
+    columns = ("distance [m]", "noise")
+
+    def sample(self, view: SensorView, random: np.random.Generator) -> tuple[float, float]:
+        (distance,) = view.cast((0.3, 0.0, 0.1), (1.0, 0.0, 0.0))
+        return distance, random.normal()
+
+
+def event_words(event: Event) -> list[object]:
+    """What the program prints of an event: the fields of all events, then its own."""
+    own = [field for field in event.__struct_fields__ if field not in ("time", "vehicle", "position")]
+    values = [getattr(event, field) for field in own]
+    return [type(event).__name__, event.time, event.vehicle, *event.position, *values]
+
+
+def as_printed(values: Iterable[Any]) -> list[object]:
+    return [word for value in values for word in (value.split() if isinstance(value, str) else [value])]
+
+
+def test_cpp_reads_the_same_frames_and_events_as_the_python_client(build: Path, tmp_path: Path) -> None:
+    sensor = {"mount": {"position": [0.2, 0.0, 0.08]}, "field_of_view_deg": 15, "range_max": 4.0, "rate": 20}
+    scenario = {
+        "map": "practice",
+        "vehicles": {"V1": {"type": car_file(tmp_path, {"sensors.range": sensor}, "roboracer")}, "V2": {}},
+        "boxes": {"box": {"x": -14.0, "y": -3.0}},
+        "race": {"rules": "league_2026"},
+        "v2x": {"rate": 100.0},
+        "weather": {"rain": 0.5, "fog": 0.2},
+    }
+    steps = 40
+    world = autodrive.make(ScenarioSpec.model_validate(scenario))
+    world.add_sensor("V1", "beam", Beam())
+    simulation = Simulation(world)
+    with simulation, SimulationServer(Served(simulation, scene_files), PageOptions(port=0)) as server:
+        lines = run(build / "frame", server.port, steps).splitlines()
+        with Client(server.address) as client:
+            client.pause()
+            frame = client.reset()
+            events: list[Event] = []
+            for _ in range(steps):
+                drive = {"V1": Command(0.3, headlights=Headlights.HIGH), "V2": Command(0.5)}
+                frame = client.step(drive, ticks=20)
+                events += frame.events
+    car = frame.vehicles["V1"]
+    ips, lights, wheels, race, heard = car.ips, car.lights, car.wheels, car.race, car.v2x
+    assert car.range
+    assert race
+    assert heard
+    assert frame.weather
+    assert frame.weather_effects
+    neighbour = heard.vehicles["V2"]
+    wanted: list[list[object]] = [
+        *(event_words(event) for event in events),
+        ["tick", frame.tick],
+        ["pose", *car.pose.position],
+        ["orientation", *car.pose.orientation],
+        ["speed", car.speed],
+        ["ticks", *car.encoders.ticks],
+        ["angles", *car.encoders.angles],
+        ["ips", ips.time, *ips.position],
+        ["acceleration", *car.imu.linear_acceleration],
+        ["lights", *astuple(lights)],
+        *([name, *getattr(wheels, name)] for name in ("steering_angle", "rotation_angle")),
+        ["wheel_velocity", *wheels.angular_velocity],
+        *([name, *getattr(wheels, name)] for name in ("compression", "normal_load", "slip_ratio", "slip_angle")),
+        ["range", *astuple(car.range)[:-1]],
+        ["radiation", car.range.radiation],
+        ["race", *(getattr(race, name) for name in ("lap_time", "last_lap_time", "best_lap_time", "race_time"))],
+        ["more_race", race.penalty, race.distance, race.gap, race.is_wrong_way],
+        ["counts", race.status, race.lap_count, race.lap_total, race.collision_count, race.checkpoint, race.rank],
+        ["own", *car.own["beam"].values],
+        ["columns", *car.own["beam"].columns],
+        ["heard", neighbour.sent, neighbour.received, neighbour.yaw, neighbour.speed, neighbour.steering],
+        ["heard_position", *neighbour.position],
+        ["weather", *astuple(frame.weather)],
+        ["effects", *astuple(frame.weather_effects)],
+        ["box", *frame.objects["box"].pose.position],
+    ]
+    assert {"Collision", "SetBack", "CheckpointPassed"} <= {row[0] for row in wanted}
+    read = [line.split() for line in lines]
+    assert len(read) == len(wanted)
+    for words, values in zip(read, map(as_printed, wanted), strict=True):
+        assert [word if isinstance(value, str) else float(word) for word, value in zip(words, values, strict=True)] == [
+            value if isinstance(value, str) else float(value)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+            for value in values
+        ]
+
+
+def test_cpp_keeps_the_events_of_frames_that_it_did_not_return(build: Path) -> None:
+    """The Response to a request comes after two streamed Frames; another Frame comes later."""
+    world = autodrive.make("plane")
+
+    def frame_of(tick: int) -> Frame:
+        return replace(world.frame, tick=tick, events=(OffRoad(0.0, f"car_{tick}", np.zeros(3)),))
+
+    def answer(connection: ServerConnection) -> None:
+        for _ in ("Hello", "Subscribe"):
+            connection.recv(LIMIT)
+        for message in (Welcome(2, "", "", {}), scene_files(world).scene):
+            connection.send(encode(message))
+        request = unpack(connection.recv(LIMIT))
+        for message in (frame_of(1), frame_of(2), Response(request["id"], frame_of(3)), frame_of(4)):
+            connection.send(encode(message))
+        with contextlib.suppress(ConnectionClosed):
+            connection.recv(LIMIT)
+
+    with serve(answer, "127.0.0.1", 0, subprotocols=[Subprotocol(SUBPROTOCOL)]) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            printed = run(build / "tests", "events", server.socket.getsockname()[1])
+        finally:
+            server.shutdown()
+            thread.join()
+    assert printed.splitlines() == ["car_1 car_2 car_3 3", "car_4 4"]

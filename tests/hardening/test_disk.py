@@ -76,7 +76,7 @@ POLICY = Policy("time_trial", ("speed",), (1.0,), (0.0, 1.0), ((np.ones((2, 1), 
 OPTIONS = RunOptions("plane", duration=0.1, speed=None, cameras=False, has_page=False)
 PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "cli/generate.py": (lambda folder: generate.main([str(folder)]), ("vehicles/nigel.glb", "lights.json")),
-    "cli/messages.py": (messages.main, ("messages.ts", "channels.ts")),
+    "cli/messages.py": (lambda folder: messages.main(folder, folder), ("messages.ts", "channels.ts", "messages.hpp")),
     "run/runner.py": (
         lambda folder: simulate(replace(OPTIONS, summary=folder / "summary.json")),
         ("summary.json",),
@@ -320,14 +320,20 @@ def test_a_program_that_cannot_write_raises_one_line_and_leaves_the_old_files(
     assert contents(folder) == before
 
 
+FOLDERS = {"autodrive.cli.messages": 2, "autodrive.cli.generate": 1}
+"""Program of developers -> the number of folders that it is given."""
+
+
 @pytest.mark.process
-@pytest.mark.parametrize(
-    ("module", "disk"), each_with_one_reason(["autodrive.cli.messages", "autodrive.cli.generate"]), indirect=["disk"]
-)
+@pytest.mark.parametrize(("module", "disk"), each_with_one_reason(FOLDERS), indirect=["disk"])
 def test_a_program_of_developers_prints_that_line(module: str, disk: tuple[Path, str]) -> None:
     folder, reason = disk
     done = subprocess.run(
-        [sys.executable, "-m", module, str(folder)], check=False, capture_output=True, text=True, timeout=LIMIT
+        [sys.executable, "-m", module, *[str(folder)] * FOLDERS[module]],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
     )
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()

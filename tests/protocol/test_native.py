@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 import autodrive
 from autodrive.protocol import native
 from autodrive.protocol.codec import decode_client, decode_server, encode, streamed
+from autodrive.protocol.cpp import header
 from autodrive.protocol.messages import Collision, Command, Frame, LidarScan, Pose, Step
 from autodrive.protocol.typescript import declarations
 from tests.support.frames import bytes_of
@@ -109,6 +110,11 @@ def test_random_bytes_raise_only_decoding_errors(data: bytes) -> None:
 def test_the_typescript_of_the_page_is_that_of_the_messages() -> None:
     written = (ROOT / "web" / "src" / "messages.ts").read_text(encoding="utf-8")
     assert written == declarations(), "run scripts/generate-messages"
+
+
+def test_the_cpp_header_of_the_client_is_that_of_the_messages() -> None:
+    written = (ROOT / "clients" / "cpp" / "include" / "autodrive" / "messages.hpp").read_text(encoding="utf-8")
+    assert written == header(), "run scripts/generate-messages"
 
 
 def test_every_array_has_its_extension_in_typescript() -> None:

@@ -1,4 +1,7 @@
-// Programs of the tests, in one file so that the headers are compiled once. Usage: tests text|telemetry
+// Programs of the tests, in one file so that the headers are compiled once. Usage: tests
+// text|messages|telemetry|events PORT
+#include <autodrive/client.hpp>
+#include <autodrive/impl/messages.ipp>
 #include <autodrive/telemetry.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -56,6 +59,54 @@ void test_text() {
     expect_invalid([] { text::fixed(NAN); }, "not a number");
 }
 
+std::string wrong_field(const autodrive::Json& event) {
+    try {
+        autodrive::wire::read<autodrive::Frame>({{"time", 0.0}, {"tick", 1}, {"vehicles", autodrive::Json::object()},
+                                                 {"objects", autodrive::Json::object()}, {"events", {event}},
+                                                 {"scene_light", true}});
+    } catch (const std::runtime_error& error) {
+        return error.what();
+    }
+    return "";
+}
+
+// Values of a wrong type are refused by the name of their field; what a newer simulator adds is ignored.
+void test_messages() {
+    using autodrive::Json;
+    const std::vector<std::uint8_t> zeros(24, 0);
+    const Json position = Json::binary(zeros, 1);
+    const Json lap = {{"type", "LapCompleted"}, {"time", 1.5}, {"vehicle", "V1"}, {"lap", 2}, {"lap_time", 1},
+                      {"is_counted", true}, {"position", position}, {"a new field", {1, 2}}};
+    const auto event = autodrive::wire::read<autodrive::Event>(lap);
+    expect(event.type == "LapCompleted" && event.time == 1.5 && event.vehicle == "V1", "common fields");
+    expect(event.as<autodrive::LapCompleted>()->lap == 2 && event.as<autodrive::LapCompleted>()->lap_time == 1.0, "fields");
+    expect(event.as<autodrive::Collision>() == nullptr, "another event");
+    const auto later = autodrive::wire::read<autodrive::Event>({{"type", "Later"}, {"time", 2.0}, {"position", "far"}});
+    expect(later.type == "Later" && later.time == 2.0 && std::holds_alternative<std::monostate>(later.value), "new event");
+
+    const auto expect_wrong = [&lap](const char* name, const Json& value, const std::string& reason) {
+        Json changed = lap;
+        changed[name] = value;
+        if (value.is_discarded()) changed.erase(name);
+        const std::string error = wrong_field(changed);
+        expect(error == "a message of the simulator is wrong: field 'events.0." + std::string(name) + "' " + reason,
+               error.c_str());
+    };
+    expect(wrong_field(lap).empty(), "a right event");
+    expect_wrong("lap", "two", "must be an integer of 64 bits, not string");
+    expect_wrong("lap", 1.5, "must be an integer of 64 bits, not number");
+    expect_wrong("lap", std::uint64_t{1} << 63, "must be an integer of 64 bits, not number");
+    expect_wrong("lap_time", nullptr, "must be a number, not null");
+    expect_wrong("is_counted", 1, "must be a boolean, not number");
+    expect_wrong("vehicle", Json::array(), "must be a text, not array");
+    expect_wrong("position", {0.0, 0.0, 0.0}, "must be an array of type 1, not array");
+    expect_wrong("position", Json::binary(zeros, 2), "must be an array of type 1");
+    expect_wrong("position", Json::binary({1, 2, 3}, 1), "must be an array of type 1");
+    expect_wrong("position", Json::binary({1, 2, 3, 4, 5, 6, 7, 8}, 1), "must have 3 values, not 1");
+    expect_wrong("type", 3, "must be a text, not number");
+    expect_wrong("lap", Json(Json::value_t::discarded), "is missing");
+}
+
 template <typename Values>
 void print(const char* name, const Values& values) {
     std::cout << name;
@@ -92,16 +143,29 @@ void print_telemetry() {
     for (const std::string& error : errors) std::cout << "error " << error << '\n';
 }
 
+// Prints the vehicles of the events of a reset and of the next Frame.
+void print_events(const char* port) {
+    autodrive::Client simulator("127.0.0.1", static_cast<unsigned short>(std::atoi(port)));
+    for (const autodrive::Frame& frame : {simulator.reset(), simulator.next()}) {
+        for (const autodrive::Event& event : frame.events) std::cout << event.vehicle << ' ';
+        std::cout << frame.tick << std::endl;
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
     const std::string command = argc > 1 ? argv[1] : "";
     if (command == "text") {
         test_text();
+    } else if (command == "messages") {
+        test_messages();
+    } else if (command == "events" && argc > 2) {
+        print_events(argv[2]);
     } else if (command == "telemetry") {
         print_telemetry();
     } else {
-        std::cerr << "usage: tests text|telemetry" << std::endl;
+        std::cerr << "usage: tests text|messages|telemetry|events PORT" << std::endl;
         return 2;
     }
 }

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class ArrayShape(NamedTuple):
+    """The number of values of a one-dimensional array, in its `Annotated` type; a quaternion is wxyz."""
+
+    size: int
+    is_quaternion: bool = False
+
 
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 

@@ -1,4 +1,4 @@
-"""Writes messages and signals as TypeScript for the page: `scripts/generate-messages`."""
+"""Writes the messages as TypeScript for the page and as C++ for the client: `scripts/generate-messages`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from pathlib import Path
 
 from autodrive.base.cache import write_file
 from autodrive.base.errors import AutodriveError
+from autodrive.protocol.cpp import header
 from autodrive.protocol.typescript import declarations, signal_tables
 
 
-def main(folder: Path) -> None:
-    """Write `messages.ts` and `channels.ts`. Raises `AutodriveError`."""
-    write_file(folder / "messages.ts", declarations())
-    write_file(folder / "channels.ts", signal_tables())
+def main(page: Path, headers: Path) -> None:
+    """Write `messages.ts` and `channels.ts` of the page, and `messages.hpp`. Raises `AutodriveError`."""
+    write_file(page / "messages.ts", declarations())
+    write_file(page / "channels.ts", signal_tables())
+    write_file(headers / "messages.hpp", header())
 
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]))
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
     except AutodriveError as error:
         sys.exit(f"generate-messages: {error}")

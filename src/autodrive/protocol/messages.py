@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.arrays import ArrayShape
 from autodrive.base.errors import NoImageError
 from autodrive.base.png import encode_png
 from autodrive.base.suggest import check_keywords
@@ -21,6 +22,10 @@ from autodrive.protocol import display
 from autodrive.protocol.display import Displayed
 
 Array: TypeAlias = NDArray[np.float64]
+Vector2: TypeAlias = Annotated[Array, ArrayShape(2)]
+Vector3: TypeAlias = Annotated[Array, ArrayShape(3)]
+Quaternion: TypeAlias = Annotated[Array, ArrayShape(4, is_quaternion=True)]
+WheelArray: TypeAlias = Annotated[Array, ArrayShape(4)]
 
 
 class Headlights(enum.IntEnum):
@@ -508,23 +513,23 @@ Operation: TypeAlias = (
 class Pose(Displayed, frozen=True, gc=False):
     """Position [m], shape (3,), and orientation (quaternion wxyz), shape (4,), in the map frame."""
 
-    position: Array
-    orientation: Array
+    position: Vector3
+    orientation: Quaternion
 
 
 class EncoderReading(Displayed, frozen=True, gc=False):
     """Rear wheels, left then right: `ticks` (int64, shape (2,)) and `angles` [rad], shape (2,); never wrap."""
 
     time: float
-    ticks: NDArray[np.int64]
-    angles: Array
+    ticks: Annotated[NDArray[np.int64], ArrayShape(2)]
+    angles: Vector2
 
 
 class IpsReading(Displayed, frozen=True, gc=False):
     """Position [m] of the rear axle centre in the map frame, shape (3,)."""
 
     time: float
-    position: Array
+    position: Vector3
 
 
 class ImuReading(Displayed, frozen=True, gc=False):
@@ -536,10 +541,10 @@ class ImuReading(Displayed, frozen=True, gc=False):
     """
 
     time: float
-    orientation: Array
-    euler: Array
-    angular_velocity: Array
-    linear_acceleration: Array
+    orientation: Quaternion
+    euler: Vector3
+    angular_velocity: Vector3
+    linear_acceleration: Vector3
 
 
 class LidarScan(Displayed, frozen=True, gc=False):
@@ -673,13 +678,13 @@ class WheelsReading(Displayed, frozen=True, gc=False):
     (0 at the target position), `normal_load` [N], `slip_ratio` and `slip_angle` [rad].
     """
 
-    steering_angle: Array
-    rotation_angle: Array
-    angular_velocity: Array
-    compression: Array
-    normal_load: Array
-    slip_ratio: Array
-    slip_angle: Array
+    steering_angle: WheelArray
+    rotation_angle: WheelArray
+    angular_velocity: WheelArray
+    compression: WheelArray
+    normal_load: WheelArray
+    slip_ratio: WheelArray
+    slip_angle: WheelArray
 
 
 class RaceState(Displayed, frozen=True, gc=False):
@@ -716,7 +721,7 @@ class HeardVehicle(Displayed, frozen=True, gc=False):
 
     sent: float
     received: float
-    position: Array
+    position: Vector3
     yaw: float
     speed: float
     steering: float
@@ -757,8 +762,8 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     """
 
     pose: Pose
-    velocity: Array
-    angular_velocity: Array
+    velocity: Vector3
+    angular_velocity: Vector3
     throttle: float
     steering: float
     encoders: EncoderReading
@@ -821,19 +826,19 @@ class Collision(_OfVehicle, frozen=True, tag=True):
 
     other: str
     impulse: float
-    position: Array
+    position: Vector3
 
 
 class OffRoad(_OfVehicle, frozen=True, tag=True):
     """The first wheel of a vehicle left the drivable area; `position` [m], shape (3,), is its rear axle centre."""
 
-    position: Array
+    position: Vector3
 
 
 class BackOnRoad(_OfVehicle, frozen=True, tag=True):
     """All wheels of a vehicle are on the drivable area again."""
 
-    position: Array
+    position: Vector3
 
 
 class RedLight(_OfVehicle, frozen=True, tag=True):
@@ -843,7 +848,7 @@ class RedLight(_OfVehicle, frozen=True, tag=True):
     """
 
     light: str
-    position: Array
+    position: Vector3
 
 
 class StopSign(_OfVehicle, frozen=True, tag=True):
@@ -853,7 +858,7 @@ class StopSign(_OfVehicle, frozen=True, tag=True):
     """
 
     sign: str
-    position: Array
+    position: Vector3
 
 
 # Events of a race; `position` [m], shape (3,), is the rear axle centre at the end of the tick.
@@ -869,7 +874,7 @@ class CheckpointPassed(_OfVehicle, frozen=True, tag=True):
     checkpoint: int
     split: float
     sector_time: float
-    position: Array
+    position: Vector3
 
 
 class LapCompleted(_OfVehicle, frozen=True, tag=True):
@@ -878,7 +883,7 @@ class LapCompleted(_OfVehicle, frozen=True, tag=True):
     lap: int
     lap_time: float
     is_counted: bool
-    position: Array
+    position: Vector3
 
 
 class RacePenalty(_OfVehicle, frozen=True, tag=True):
@@ -886,20 +891,20 @@ class RacePenalty(_OfVehicle, frozen=True, tag=True):
 
     reason: str
     duration: float
-    position: Array
+    position: Vector3
 
 
 class SetBack(_OfVehicle, frozen=True, tag=True):
     """The rules set a vehicle back to the checkpoint that it passed last; `position` is that before."""
 
     checkpoint: int
-    position: Array
+    position: Vector3
 
 
 class WrongWay(_OfVehicle, frozen=True, tag=True):
     """A vehicle drives against the direction of the track."""
 
-    position: Array
+    position: Vector3
 
 
 class RaceStatusChanged(_OfVehicle, frozen=True, tag=True):
@@ -907,7 +912,7 @@ class RaceStatusChanged(_OfVehicle, frozen=True, tag=True):
 
     status: RaceStatus
     reason: str
-    position: Array
+    position: Vector3
 
 
 RaceEvent: TypeAlias = CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged

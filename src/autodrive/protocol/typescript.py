@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import inspect
 import json
-import types
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
 from msgspec.structs import fields
 
-from autodrive.base.arrays import element_type
+from autodrive.base.arrays import ArrayShape
 from autodrive.protocol import channels, native
 from autodrive.protocol.channels import HudRow, Plot, Signal
 from autodrive.protocol.codec import CODES
+from autodrive.protocol.languages import Language
 from autodrive.protocol.messages import Command, Event, MapPart
 from autodrive.protocol.weather import PRESETS
 
@@ -41,10 +41,49 @@ _FROM_CLIENT = {Command, *get_args(native.ClientMessage), *get_args(native.Serve
 """Messages from the client: fields with a default are optional. The server sends every field."""
 
 
+class _TypeScript(Language):
+    """Declares structs as interfaces."""
+
+    def plain(self, hint: Any) -> str:
+        return _PLAIN[hint]
+
+    def literal(self, values: tuple[Any, ...]) -> str:
+        return " | ".join(f"'{value}'" for value in values)
+
+    def union(self, hint: Any, parts: list[str]) -> str:
+        return " | ".join(parts)
+
+    def mapping(self, value: str) -> str:
+        return f"Record<string, {value}>"
+
+    def fixed_tuple(self, parts: list[str]) -> str:
+        return f"[{', '.join(parts)}]"
+
+    def sequence(self, element: str) -> str:
+        return f"({element})[]"
+
+    def array(self, element: type[np.generic], shape: ArrayShape | None) -> str:
+        return _ARRAYS[np.dtype(element).str]
+
+    def enumeration(self, kind: type[IntEnum]) -> str:
+        return f"{_comment(kind)}export enum {kind.__name__} {{ {', '.join(f'{m.name} = {m.value}' for m in kind)} }}"
+
+    def struct(self, kind: type[msgspec.Struct]) -> str:
+        return f"{_comment(kind)}export interface {kind.__name__} {{\n{''.join(self._members(kind))}}}"
+
+    def _members(self, kind: type[msgspec.Struct]) -> Iterator[str]:
+        if (tag := kind.__struct_config__.tag) is not None:
+            yield f"  {kind.__struct_config__.tag_field}: '{tag}'\n"
+        hints = self.hints(kind)
+        for field in fields(kind):
+            mark = "?" if kind in _FROM_CLIENT and not field.required else ""
+            yield f"  {field.encode_name}{mark}: {hints[field.name]}\n"
+
+
 def declarations() -> str:
     """The content of messages.ts."""
-    known: dict[type, str] = {}
-    unions = [f"export type {name} = {_written(union, known)}" for name, union in _UNIONS.items()]
+    language = _TypeScript()
+    unions = [f"export type {name} = {language.written(union)}" for name, union in _UNIONS.items()]
     codes = ", ".join(f"{code}: {_ARRAYS[name]}" for name, code in CODES.items())
     parts = [
         "// Generated from src/autodrive/protocol by scripts/generate-messages: change the messages there.",
@@ -52,63 +91,21 @@ def declarations() -> str:
         f"export const SUBPROTOCOL = '{native.SUBPROTOCOL}'",
         "/** MessagePack extension -> what its bytes are, little-endian. */\n"
         f"export const ARRAYS = {{ {codes} }} as const",
-        *known.values(),
+        *language.declared.values(),
         *unions,
         f"/** The weathers that have a name, in the order of the devkit. */\n{_weathers()}",
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def _written(hint: Any, known: dict[type, str]) -> str:
-    """A type in TypeScript; the structs and enumerations that it refers to are added to `known` first."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if origin in {Union, types.UnionType}:
-        written = " | ".join(_written(part, known) for part in parts)
-    elif origin is Literal:
-        written = " | ".join(f"'{part}'" for part in parts)
-    elif origin is dict:
-        written = f"Record<string, {_written(parts[1], known)}>"
-    elif origin is tuple and parts[-1] is not ...:
-        written = f"[{', '.join(_written(part, known) for part in parts)}]"
-    elif origin in {list, tuple}:
-        written = f"({_written(parts[0], known)})[]"
-    elif element := element_type(hint):
-        written = _ARRAYS[np.dtype(element).str]
-    elif hint in _PLAIN:
-        written = _PLAIN[hint]
-    else:
-        if hint not in known:
-            text = _enumeration(hint) if issubclass(hint, IntEnum) else _interface(hint, known)
-            known[hint] = f"{_comment(hint)}{text}"
-        written = hint.__name__
-    return written
+def _comment(kind: type) -> str:
+    lines = (inspect.getdoc(kind) or "").splitlines()
+    return "/**\n" + "".join(f" * {line}".rstrip() + "\n" for line in lines) + " */\n"
 
 
 def _weathers() -> str:
-    weathers = {name: msgspec.to_builtins(one) for name, one in PRESETS.items()}
+    weathers = {name: msgspec.to_builtins(weather) for name, weather in PRESETS.items()}
     return f"export const WEATHERS: Record<string, Weather> = {json.dumps(weathers, indent=2)}"
-
-
-def _enumeration(of: type[IntEnum]) -> str:
-    return f"export enum {of.__name__} {{ {', '.join(f'{one.name} = {one.value}' for one in of)} }}"
-
-
-def _interface(of: type[msgspec.Struct], known: dict[type, str]) -> str:
-    return f"export interface {of.__name__} {{\n{''.join(_members(of, known))}}}"
-
-
-def _members(of: type[msgspec.Struct], known: dict[type, str]) -> Iterator[str]:
-    if (tag := of.__struct_config__.tag) is not None:
-        yield f"  {of.__struct_config__.tag_field}: '{tag}'\n"
-    hints = get_type_hints(of)
-    for field in fields(of):
-        mark = "?" if of in _FROM_CLIENT and not field.required else ""
-        yield f"  {field.encode_name}{mark}: {_written(hints[field.name], known)}\n"
-
-
-def _comment(of: type) -> str:
-    lines = (inspect.getdoc(of) or "").splitlines()
-    return "/**\n" + "".join(f" * {line}".rstrip() + "\n" for line in lines) + " */\n"
 
 
 def signal_tables() -> str:
@@ -131,15 +128,15 @@ def _row(signal: Signal, row: HudRow | Plot) -> dict[str, Any]:
     return values | {"unit": unit, "signal": signal.name, "optional": signal.is_optional}
 
 
-def _members_of_row(of: type[HudRow | Plot]) -> list[str]:
-    return [name for name in get_type_hints(of) if name != "id"]
+def _members_of_row(kind: type[HudRow | Plot]) -> list[str]:
+    return [name for name in get_type_hints(kind) if name != "id"]
 
 
-def _interface_of_row(name: str, of: type[HudRow | Plot], comment: str) -> str:
-    hints = get_type_hints(of)
+def _interface_of_row(name: str, kind: type[HudRow | Plot], comment: str) -> str:
+    hints = get_type_hints(kind)
     members = "".join(
-        f"  {member}: {'string' if member == 'unit' else _written(hints[member], {})}\n"
-        for member in _members_of_row(of)
+        f"  {member}: {'string' if member == 'unit' else _TypeScript().written(hints[member])}\n"
+        for member in _members_of_row(kind)
     )
     path = "  /** Path in a VehicleFrame, for example 'imu.euler'. */\n  signal: string\n"
     path += "  /** Only some vehicles have it. */\n  optional: boolean\n"

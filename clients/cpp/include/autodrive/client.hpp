@@ -33,7 +33,8 @@ struct Subscription {
 };
 
 /// A connection to a simulator, for use by one thread. Every call throws `Refused` if the simulator refuses, and
-/// `boost::system::system_error` if the connection fails or there is no answer within `timeout`.
+/// `boost::system::system_error` if the connection fails or there is no answer within `timeout`. A message with a value of
+/// a wrong type throws a `std::runtime_error` that names the field; events and fields of a newer simulator do not.
 ///
 ///     autodrive::Client simulator("127.0.0.1", 8730);
 ///     simulator.pause();
@@ -56,7 +57,8 @@ public:
     /// Moves the connection.
     Client& operator=(Client&&) noexcept;
 
-    /// Waits for the next Frame. Frames that were not read in time are dropped; the latest one is kept.
+    /// Waits for the next Frame. Frames that were not read in time are dropped; the latest one is kept, with the events of
+    /// those that were dropped.
     Frame next();
 
     /// Drives a vehicle in autonomous mode. A command is valid for 0.5 s of simulated time, so it must be repeated.

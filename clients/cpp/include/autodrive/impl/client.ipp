@@ -31,7 +31,7 @@ public:
         });
         boost::beast::get_lowest_layer(socket_).socket().set_option(boost::asio::ip::tcp::no_delay(true));
         socket_.set_option(websocket::stream_base::decorator([](websocket::request_type& request) {
-            request.set(boost::beast::http::field::sec_websocket_protocol, "autodrive.v2");
+            request.set(boost::beast::http::field::sec_websocket_protocol, SUBPROTOCOL);
         }));
         socket_.read_message_max(std::size_t{1} << 26);
         socket_.binary(true);
@@ -94,7 +94,7 @@ private:
 AUTODRIVE_INLINE Client::Client(const std::string& host, unsigned short port, const std::string& token,
                                 const Subscription& subscription, std::chrono::milliseconds timeout)
     : connection_(std::make_unique<detail::Connection>(host, port, token, timeout)) {
-    send({{"type", "Hello"}, {"protocol", 2}, {"name", "C++"}});
+    send({{"type", "Hello"}, {"protocol", PROTOCOL}, {"name", "C++"}});
     Json subscribe = {{"type", "Subscribe"}, {"scans", subscription.scans}, {"picture_rate", subscription.picture_rate}};
     subscribe["frame_rate"] = subscription.frame_rate ? Json(*subscription.frame_rate) : Json();
     send(subscribe);
@@ -121,12 +121,12 @@ AUTODRIVE_INLINE Frame Client::next() {
 }
 
 AUTODRIVE_INLINE void Client::drive(const std::string& vehicle, const Command& command) {
-    send({{"type", "Drive"}, {"vehicle", vehicle}, {"command", wire::command(command)}});
+    send({{"type", "Drive"}, {"vehicle", vehicle}, {"command", wire::write(command)}});
 }
 
 AUTODRIVE_INLINE Frame Client::step(int ticks, const std::map<std::string, Command>& commands) {
     Json json = Json::object();
-    for (const auto& [vehicle, command] : commands) json[vehicle] = wire::command(command);
+    for (const auto& [vehicle, command] : commands) json[vehicle] = wire::write(command);
     return request({{"type", "Step"}, {"ticks", ticks}, {"commands", json}});
 }
 
@@ -143,7 +143,7 @@ AUTODRIVE_INLINE Frame Client::set_time_of_day(double time, double scale) {
 }
 
 AUTODRIVE_INLINE Frame Client::set_weather(const Weather& weather) {
-    return request({{"type", "SetWeather"}, {"weather", wire::weather(weather)}});
+    return request({{"type", "SetWeather"}, {"weather", wire::write(weather)}});
 }
 
 AUTODRIVE_INLINE Frame Client::set_traffic_light(const std::string& light, std::optional<int> state) {
@@ -151,7 +151,7 @@ AUTODRIVE_INLINE Frame Client::set_traffic_light(const std::string& light, std::
 }
 
 AUTODRIVE_INLINE Frame Client::draw(const std::string& name, const Drawing& drawing) {
-    return request({{"type", "Draw"}, {"drawings", {{name, wire::drawing(drawing)}}}});
+    return request({{"type", "Draw"}, {"drawings", {{name, wire::write(drawing)}}}});
 }
 
 AUTODRIVE_INLINE Frame Client::clear_drawings(const std::optional<std::string>& name) {
@@ -187,15 +187,18 @@ AUTODRIVE_INLINE void Client::handle(const Json& message) {
     if (type == "Frame") {
         set_frame(message);
     } else if (type == "Scan") {
-        scans_[message.at("vehicle")] = wire::scan(message.at("scan"));
+        auto scan = wire::read<Scan>(message);
+        scans_[scan.vehicle] = std::move(scan.scan);
     } else if (type == "Picture") {
-        pictures_[{message.at("vehicle"), message.at("camera")}] = {message.at("time"), message.at("jpeg").get_binary()};
+        auto picture = wire::read<Picture>(message);
+        pictures_[{picture.vehicle, picture.camera}] = std::move(picture);
     } else if (type == "Status") {
         status_ = message;
     } else if (type == "Scene") {
         scene_ = message;
         scans_.clear();
         pictures_.clear();
+        is_new_ = false;
     } else if (type == "Welcome") {
         welcome_ = message;
     } else if (type == "Error") {
@@ -204,7 +207,9 @@ AUTODRIVE_INLINE void Client::handle(const Json& message) {
 }
 
 AUTODRIVE_INLINE void Client::set_frame(const Json& json) {
-    frame_ = wire::frame(json);
+    auto frame = wire::read<Frame>(json);
+    if (is_new_) frame.events.insert(frame.events.begin(), frame_.events.begin(), frame_.events.end());
+    frame_ = std::move(frame);
     is_new_ = true;
     for (auto& [name, vehicle] : frame_.vehicles)
         if (const auto scan = scans_.find(name); scan != scans_.end()) vehicle.lidar = scan->second;
