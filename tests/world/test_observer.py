@@ -91,3 +91,12 @@ def test_an_observer_hears_nothing_of_what_is_refused() -> None:
     with pytest.raises(CommandError):
         world.set_time_of_day(float("inf"))
     assert notes.heard == []
+
+
+def test_a_hold_ends_whatever_its_orientation_is() -> None:
+    world, notes = autodrive.make("plane"), Notes()
+    world.observers.append(notes)
+    world.hold("V1", (1.0, 2.0, 0.1))
+    world.hold("V1", None, None)  # type: ignore[arg-type]
+    assert world.poses.held == {}
+    assert notes.heard == [Hold("V1", (1.0, 2.0, 0.1)), Hold("V1", None)]

@@ -60,7 +60,7 @@ def plain(poses: Mapping[str, Iterable[float]]) -> dict[str, tuple[float, ...]]:
 
 def hold(vehicle: str, position: Vector | None, orientation: Quaternion) -> Hold:
     """The request of `World.hold`, whose arguments may be arrays."""
-    w, x, y, z = map(float, orientation)
     if position is None:
-        return Hold(vehicle, None, (w, x, y, z))
+        return Hold(vehicle, None)  # without a pose, the orientation means nothing
+    w, x, y, z = map(float, orientation)
     return Hold(vehicle, (float(position[0]), float(position[1]), float(position[2])), (w, x, y, z))
