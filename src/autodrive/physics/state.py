@@ -116,11 +116,6 @@ def empty_state(model: Model, n_body: int) -> State:
     return _columns(np.zeros(sum(math.prod(shape) for shape in shapes)), shapes)
 
 
-def copied(state: State) -> State:
-    """A copy, of a State that `empty_state` has made or of such a copy."""
-    return _columns(numbers(state).copy(), [column.shape for column in state])
-
-
 def numbers(state: State) -> Floats:
     """All numbers of a State of `empty_state`, column after column: the memory of its columns, shape (n_number,)."""
     flat = state.qpos.base
