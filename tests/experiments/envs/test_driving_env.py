@@ -305,3 +305,8 @@ def test_the_page_shows_the_car(capsys: pytest.CaptureFixture[str]) -> None:
     assert env.render() is None
     env.close()
     env.close()
+
+
+def test_an_environment_of_one_world_refuses_threads() -> None:
+    with pytest.raises(TypeError, match="has no argument 'threads'"):
+        DrivingEnv("parking", threads=2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -51,7 +51,7 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     drawn_conditions: tuple[str, ...] = WEATHER
     """Names of the `Conditions` that an episode draws."""
 
-    setting_names: Collection[str] = ALL - OF_CARS
+    setting_names: frozenset[str] = ALL - OF_CARS
     """Names of the `EnvSettings` that the environment has."""
 
     def __init__(self, num_envs: int = 1, task: str | Task = "lane_keeping", **settings: Any) -> None:

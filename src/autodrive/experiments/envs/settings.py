@@ -131,12 +131,15 @@ OF_TASKS = frozenset({"map", "reward", "end", "traffic", "offence_cost", "observ
 """Settings that environments with a task of their own do not have."""
 
 
-def checked_settings(kind: type, task: str | Task, settings: dict[str, Any], names: Collection[str]) -> EnvSettings:
+OTHER_ARGUMENTS = frozenset({"self", "task", "settings", "arguments"})
+
+
+def checked_settings(kind: Any, task: str | Task, settings: dict[str, Any], names: Collection[str]) -> EnvSettings:
     """Settings of an environment of that class. `names`: settings that it has besides its own arguments.
 
     Raises `TypeError` for another one, and `SpecError` for wrong values.
     """
-    own = [name for name in inspect.signature(kind).parameters if name not in ("task", "settings", "arguments")]
+    own = [name for name in inspect.signature(kind.__init__).parameters if name not in OTHER_ARGUMENTS]
     check_keywords(kind.__name__, settings, [*own, *sorted(names)])
     return EnvSettings(task=task if isinstance(task, str) else None, **settings)
 

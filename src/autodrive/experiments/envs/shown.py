@@ -19,6 +19,7 @@ class ShownVectorEnv(DrivingVectorEnv):
     Images are those of the cameras of the World. An episode that has ended may go on, as in Gymnasium.
     """
 
+    setting_names = DrivingVectorEnv.setting_names - {"threads"}  # one World has no threads
     batch: RenderedWorld  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
