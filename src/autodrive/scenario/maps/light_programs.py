@@ -98,14 +98,6 @@ class LightCycle:
         end = self.starts[k + 1] if k + 1 < len(self.starts) else self.starts[0] + self.length
         return self.states[k], end - place
 
-    def flashes(self, time_of_day: float | None) -> bool:
-        """Whether the light flashes at that time since midnight [s]; None: there is no time of day."""
-        if self.flashing is None or time_of_day is None:
-            return False
-        first, last = self.flashing
-        is_after, is_before = time_of_day >= first, time_of_day < last
-        return (is_after and is_before) if first <= last else (is_after or is_before)
-
 
 def light_cycles(spec: LightProgramSpec, tick: float) -> dict[str, LightCycle]:
     """The cycle of each light of a program, for ticks of that duration [s]; each part has at least one tick."""
