@@ -22,7 +22,7 @@ from autodrive.base.cache import PACKAGE
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from tests.connect.client.conftest import bare
-from tests.support.layers import imports
+from tests.support.layers import import_graph, module_of
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src/autodrive"
@@ -136,8 +136,8 @@ def client_files() -> Iterator[Path]:
 
 
 def imported_at_run_time(path: Path) -> set[str]:
-    """`a.b` for `from a import b`."""
-    return {name for name, is_typing in imports(path) if not is_typing}
+    """Modules and distributions that a file imports."""
+    return import_graph(typing_too=False).find_modules_directly_imported_by(module_of(path))
 
 
 def test_the_client_distribution_contains_all_that_it_imports() -> None:
