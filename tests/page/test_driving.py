@@ -6,10 +6,6 @@ import contextlib
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-import pytest
-
-from autodrive.protocol.messages import Headlights, Indicators
 from tests.support.page import NewTab, PageServer, Tab
 from tests.support.proxy import proxy
 
@@ -40,43 +36,11 @@ def test_held_keys_drive_and_steer_the_vehicle(plane: PageServer, tab: Tab) -> N
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
 
 
-def test_lamps_are_switched_while_driving_and_stay_on(plane: PageServer, tab: Tab) -> None:
-    keyboard = tab.page.keyboard
-    keyboard.down("w")
-    tab.wait_until(lambda: plane.vehicle.throttle == pytest.approx(1))
-    keyboard.press("g")
-    tab.wait_until(lambda: plane.vehicle.lights.headlights == Headlights.LOW)
-    keyboard.press("l")
-    tab.wait_until(lambda: plane.vehicle.lights.indicators == Indicators.LEFT)
-    tick = plane.frame.tick
-    tab.wait_until(lambda: plane.frame.tick > tick + 30)
-    lights = plane.vehicle.lights
-    assert (lights.headlights, lights.indicators) == (Headlights.LOW, Indicators.LEFT)
-    keyboard.up("w")
-
-
 def test_the_vehicle_stops_when_the_page_loses_the_focus(plane: PageServer, tab: Tab) -> None:
     tab.page.keyboard.down("w")
     tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
     tab.page.evaluate("() => window.dispatchEvent(new Event('blur'))")
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
-    tab.page.keyboard.up("w")
-
-
-def test_keys_typed_in_a_field_do_not_drive(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.get("ip").fill("")
-    tab.page.keyboard.type("wasdwrlgh")
-    assert tab.get("ip").input_value() == "wasdwrlgh"
-    tick = plane.frame.tick
-    tab.wait_until(lambda: plane.frame.tick > tick + 20)
-    assert plane.vehicle.throttle == 0
-    assert np.linalg.norm(plane.vehicle.pose.position[:2]) < 0.01
-    lights = plane.vehicle.lights
-    assert (lights.headlights, lights.indicators) == (Headlights.OFF, Indicators.OFF)
-    tab.page.keyboard.press("Escape")  # leaves the field
-    tab.page.keyboard.down("w")
-    tab.wait_until(lambda: plane.vehicle.throttle > 0)
     tab.page.keyboard.up("w")
 
 

@@ -9,10 +9,10 @@ import pytest
 
 import autodrive
 from autodrive.base.transforms import euler_from_quaternion
-from autodrive.protocol.messages import Pause, Resume, SetSceneLight, Step
+from autodrive.protocol.messages import SetSceneLight
 from tests.page.test_access import wrong_targets
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
+from tests.page.test_screens import MIN_TARGET, SHOW_CARDS
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
 
@@ -174,25 +174,6 @@ def test_another_scenario_discards_edits_only_after_a_question(plane: PageServer
     editing.wait_until(lambda: plane.scenario() == "plane")
 
 
-def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: Tab) -> None:
-    editing.get("lidar-rate").fill("20")
-    editing.page.keyboard.press("Enter")
-    editing.wait_until(lambda: plane.simulation.undo_name == "set lidar of V1")
-    plane.request(Pause())
-    times = {scan.time for _ in range(50) if (scan := plane.request(Step(1)).vehicles["V1"].lidar) is not None}
-    assert 10 <= len(times) <= 11
-    plane.request(Resume())
-    editing.get("lidar-on").uncheck()
-    editing.wait_until(lambda: plane.vehicle.lidar is None)
-    editing.get("ips-noise").select_option("strong")
-    editing.wait_until(lambda: abs(plane.vehicle.ips.position[0]) > 0.01)  # sigma is 0.05 m
-    editing.get("imu-rate").fill("0")  # as in the vehicle's file
-    editing.get("imu-rate").fill("-3")
-    editing.page.keyboard.press("Enter")
-    editing.wait_for_notice("The rate of imu of V1 must be at least 0.001")
-    editing.wait_until(lambda: editing.get("imu-rate").input_value() == "")
-
-
 def test_a_finger_drags_a_vehicle_and_the_map_moves_beside_it(plane: PageServer, new_tab: NewTab) -> None:
     editing = opened(plane, new_tab, touch=True)
     start, end = on_screen(editing, 0.07, 0.0), on_screen(editing, 0.07, 0.4)
@@ -242,21 +223,6 @@ def test_the_bar_covers_no_panel_and_names_what_it_does(
         tab.wait_until(lambda panel=panel: tab.get(panel).is_visible())
         tab.wait_until(lambda panel=panel: not overlap(bar, tab.get(panel)))
     assert [tab.get(f"edit-{name}").inner_text() for name in ("undo", "redo")] == ["Undo", "Redo"]
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_text_of_edit_mode_is_large_enough_and_has_contrast(plane: PageServer, new_tab: NewTab, theme: str) -> None:
-    saved = f"localStorage.setItem('autodrive.theme', '{theme}')"
-    tab = new_tab(size=(1280, 720), script=saved).open(f"{plane.url}?quality=low")
-    tab.page.emulate_media(reduced_motion="reduce")
-    tab.show()
-    tab.click("edit-button")
-    tab.wait_until(lambda: tab.get("edit").is_visible())
-    # its hint is text of the panel, not a card over the scene
-    assert tab.get("edit").locator("p").first.evaluate("(p) => getComputedStyle(p).boxShadow") == "none"
-    texts = tab.page.evaluate(TEXTS)
-    assert {"Save as scenario", "Sensors of V1", "LIDAR"} <= {each["text"] for each in texts}
-    assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []
 
 
 def test_edit_mode_has_light_at_night_and_the_simulation_stays_dark(plane: PageServer, new_tab: NewTab) -> None:

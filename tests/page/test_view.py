@@ -259,14 +259,3 @@ def test_the_driven_line_is_drawn_in_the_scene_and_on_the_small_map(mini_map: Pa
     # the way from x = 0 is below the middle: up on the screen is x
     before, after = (picture[280:420, 310:330].mean((0, 1)) for picture in (scene, trail_scene))
     assert after[2] - after[0] > before[2] - before[0] + 0.03
-
-
-def test_the_log_contains_all_notices(mini_map: PageServer, tab: Tab) -> None:
-    tab.page.keyboard.press("o")
-    tab.click("log-clear")
-    tab.page.keyboard.press("v")
-    tab.wait_for_text("log-entries", "V1 is the only vehicle.")
-    assert re.search(r"\d\d:\d\d:\d\d", tab.text("log-entries"))
-    assert "Info" in tab.text("log-entries")
-    tab.click("log-close")
-    tab.get("log").wait_for(state="hidden")
