@@ -22,8 +22,6 @@ from autodrive.experiments.policies import Policy
 from tests.support.command_line import python
 from tests.support.waiting import LIMIT
 
-CAMPAIGN = Path(__file__).parents[2] / "examples" / "campaign" / "start_pose.yaml"
-
 # -- tracks ---------------------------------------------------------------------------------------------------------
 
 CPU_LIMIT, MEMORY_LIMIT = 10.0, 500.0

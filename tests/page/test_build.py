@@ -11,18 +11,16 @@ import pytest
 
 import autodrive
 from autodrive.base.yaml_files import read
-from autodrive.protocol.messages import EditMap, EditTrack, MapModule, MapWall, Pause, TrackLine
+from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Pause, TrackLine
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
-from tests.page.test_access import wrong_targets
 from tests.page.test_driving import yaw
 from tests.page.test_edit import drag, on_screen
-from tests.page.test_screens import MIN_TARGET
 from tests.support.command_line import call
-from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
+from tests.support.page import NewTab, PageServer, Tab, touch
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Dialog
+    pass
 
 
 def parts(tab: Tab) -> dict[str, dict[str, Any]]:
@@ -112,31 +110,6 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     assert read("map", file, MapSpec).title == "My ring"
 
 
-def test_each_step_is_undone_and_made_again(plane: PageServer, building: Tab) -> None:
-    set_at(building, "straight_road", 0.8, 0.6)
-    placed = parts(building)["straight_road_1"]
-    building.page.mouse.click(*on_screen(building, 0.8, 0.5))
-    building.wait_until(lambda: building.text("build-selected").startswith("straight_road_1"))
-    building.click("build-turn")
-    building.wait_until(lambda: parts(building)["straight_road_1"]["yaw"] == pytest.approx(1.5708, abs=1e-4))
-    building.get("build-open").check()
-    building.wait_until(lambda: problems(building) == [])
-    press(building, "Delete")
-    wait_for_parts(building)
-    assert plane.simulation.undo_name == "remove straight_road_1"
-    building.click("build-undo")
-    wait_for_parts(building, "straight_road_1")
-    press(building, "Control+z")
-    building.wait_until(lambda: len(problems(building)) == 2)
-    press(building, "Control+z")
-    building.wait_until(lambda: parts(building)["straight_road_1"] == placed)
-    press(building, "Control+z")
-    wait_for_parts(building)
-    press(building, "Control+Shift+z", "Control+y")
-    building.wait_until(lambda: len(parts(building)) == 1 and parts(building)["straight_road_1"]["yaw"] != 0)
-    assert plane.simulation.redo_name == "change straight_road_1"
-
-
 def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServer, building: Tab) -> None:
     plane.request(EditMap({"a": MapModule("straight_road", 0.0, 0.8), "b": MapModule("straight_road", 0.65, 0.8)}))
     wait_for_parts(building, "a", "b")
@@ -162,25 +135,6 @@ def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServe
     assert plane.simulation.undo_name == "move b"
 
 
-def test_two_people_build_together_and_the_second_is_told(plane: PageServer, building: Tab, new_tab: NewTab) -> None:
-    plane.request(EditMap({"a": MapModule("straight_road", 0.0, 0.8, open=True), "w": MapWall(((2, 2), (3, 2)), 0.2)}))
-    wait_for_parts(building, "a", "w")
-    other = new_tab(size=(640, 480)).open(plane.url + "?quality=low")
-    other.click("build-button")
-    wait_for_parts(other, "a", "w")
-    building.page.mouse.click(*on_screen(building, 0.1, 0.9))
-    building.wait_until(lambda: building.text("build-selected").startswith("a"))
-    building.click("build-turn")
-    other.wait_until(lambda: parts(other)["a"]["yaw"] == pytest.approx(1.5708, abs=1e-4))
-    other.page.mouse.click(*on_screen(other, 0.1, 0.8))
-    other.wait_until(lambda: other.text("build-selected").startswith("a"))
-    # as if the latest edit were still on its way to this page
-    other.page.evaluate("() => { autodrive.store.scene.value.map_scene.parts.a.yaw = 0 }")
-    press(other, "Delete")
-    other.wait_for_notice("was changed by another client meanwhile")
-    assert {*parts(building)} == {"a", "w"}
-
-
 def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServer, building: Tab) -> None:
     building.get("build-template").select_option("oval")
     building.wait_until(lambda: len(parts(building)) == 11)
@@ -192,32 +146,6 @@ def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServe
     building.get("discard-dialog").wait_for()
     building.click("discard-dialog-cancel")
     assert plane.simulation.undo_name == "use the map oval"
-
-
-def test_the_browser_asks_before_unsaved_work_is_lost_and_a_reload_keeps_the_history(
-    plane: PageServer, building: Tab
-) -> None:
-    asked: list[str] = []
-
-    def stay(dialog: Dialog) -> None:
-        asked.append(dialog.type)
-        dialog.dismiss()
-
-    building.page.on("dialog", stay)
-    set_at(building, "straight_road", 0.0, 0.9)
-    building.page.close(run_before_unload=True)
-    building.wait_until(lambda: asked == ["beforeunload"])
-    assert {*parts(building)} == {"straight_road_1"}  # the tab is still there
-    building.page.remove_listener("dialog", stay)
-    building.page.on("dialog", lambda dialog: dialog.accept())
-    building.page.reload()
-    building.wait_until(lambda: building.value("store.scene.value") is not None)
-    begin(building)
-    wait_for_parts(building, "straight_road_1")
-    press(building, "Control+z")
-    wait_for_parts(building)
-    press(building, "Control+Shift+z")
-    wait_for_parts(building, "straight_road_1")
 
 
 def test_a_race_track_is_replaced_by_a_map_of_the_simulator(plane: PageServer, new_tab: NewTab) -> None:
@@ -291,27 +219,3 @@ def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new
 
 def yaw_of(tab: Tab, name: str) -> float:
     return parts(tab)[name]["yaw"]
-
-
-@pytest.mark.parametrize(
-    "size", [(390, 844), (844, 390), (820, 1180), (1024, 768)], ids=lambda size: "x".join(map(str, size))
-)
-def test_all_controls_of_build_mode_are_reached_on_a_touch_screen(
-    plane: PageServer, new_tab: NewTab, size: tuple[int, int]
-) -> None:
-    tab = new_tab(size=size, touch=True).open(f"{plane.url}?quality=low")
-    tab.click("build-button")
-    tab.wait_until(lambda: tab.get("build-bar").is_visible())
-    for name in ("menu", "edit", "build", "hud"):
-        shown = box(tab.get(f"{name}-button"))
-        assert 0 <= shown["left"] < shown["right"] <= size[0], name
-    assert tab.get("build").is_visible() == (size[0] > 719)
-    assert wrong_targets(tab, MIN_TARGET) == []
-    if size[0] <= 719:
-        tab.click("build-details")
-        tab.get("build").wait_for()
-    assert wrong_targets(tab, MIN_TARGET) == []
-    assert not overlap(tab.get("build"), tab.get("build-bar"))
-    if size[0] > 719:  # one row
-        shown = box(tab.get("build-bar"))
-        assert shown["bottom"] - shown["top"] < 2 * MIN_TARGET

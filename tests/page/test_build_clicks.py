@@ -11,14 +11,13 @@ import pytest
 import shapely
 
 from autodrive import Client
-from autodrive.protocol.messages import EditMap, Frame, MapModule, Pause
-from autodrive.scenario.maps.map import Map, load_map
-from tests.page.test_build import begin, opened, parts, press, wait_for_parts
+from autodrive.protocol.messages import Frame, Pause
+from autodrive.scenario.maps.map import load_map
+from tests.page.test_build import opened, parts, press
 from tests.page.test_edit import on_screen
 from tests.support.page import NewTab, PageServer, Tab
 
 COUNT_CLICKS = "() => { window.clicks = 0; addEventListener('click', () => window.clicks++, { capture: true }) }"
-STRAIGHT = MapModule("straight_road", 0.0, 0.9, open=True)
 
 
 def click(tab: Tab, x: float, y: float) -> None:
@@ -44,18 +43,8 @@ def set_there(tab: Tab, x: float, y: float) -> None:
     tab.wait_until(lambda: len(parts(tab)) == before + 1)
 
 
-def select(tab: Tab, name: str, x: float, y: float) -> None:
-    click(tab, x, y)
-    tab.wait_until(lambda: tab.text("build-selected").startswith(name))
-
-
 def pose(tab: Tab, name: str) -> list[float]:
     return [parts(tab)[name][key] for key in ("x", "y", "yaw")]
-
-
-def difference(built: Map, shipped: shapely.Geometry) -> float:
-    """Area that only one of two drivable areas has [m^2]."""
-    return shapely.symmetric_difference(built.drivable, shipped).area
 
 
 def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: PageServer, new_tab: NewTab) -> None:
@@ -85,25 +74,6 @@ def folder(plane: PageServer) -> Iterator[Path]:
     """A folder in that of the user."""
     with tempfile.TemporaryDirectory(dir=plane.folder) as name:
         yield Path(name)
-
-
-def test_escape_puts_the_piece_away_then_the_selection_then_leaves(plane: PageServer, new_tab: NewTab) -> None:
-    tab = opened(plane, new_tab)
-    plane.request(EditMap({"a": STRAIGHT}))
-    wait_for_parts(tab, "a")
-    tab.click("piece-straight_road")
-    tab.wait_until(lambda: tab.get("build-set").is_enabled())
-    press(tab, "Escape")
-    tab.wait_until(lambda: tab.get("build-set").is_disabled())
-    assert tab.get("build-bar").is_visible()
-    select(tab, "a", 0.0, 0.9)
-    press(tab, "Escape")
-    assert tab.get("build-selected").is_hidden()
-    assert tab.get("build-bar").is_visible()
-    press(tab, "Escape")
-    assert tab.get("build-bar").is_hidden()
-    assert {*parts(tab)} == {"a"}
-    begin(tab)
 
 
 def test_a_loop_is_built_changed_and_driven_on_with_keys_only(plane: PageServer, new_tab: NewTab) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import TYPE_CHECKING
 
 from tests.support.page import NewTab, PageServer, Tab
-from tests.support.proxy import proxy
 
 if TYPE_CHECKING:
     from playwright.sync_api import Route
@@ -62,32 +60,6 @@ def test_one_of_two_pages_drives_until_it_is_closed(plane: PageServer, new_tab: 
     second.page.keyboard.up("w")
 
 
-def test_keys_end_where_a_native_menu_takes_them(plane: PageServer, tab: Tab) -> None:
-    def right_click_on_the_toolbar() -> None:
-        tab.get("menu-button").click(button="right")
-
-    def right_click_in_the_view() -> None:
-        tab.page.locator("#scene").click(button="right")
-
-    keyboard = tab.page.keyboard
-    tab.page.evaluate("() => addEventListener('contextmenu', (event) => { window.prevented = event.defaultPrevented })")
-    menus = [
-        right_click_on_the_toolbar,
-        right_click_in_the_view,
-        lambda: keyboard.press("F10"),
-        lambda: keyboard.press("Alt"),
-    ]
-    for opens_menu in menus:
-        keyboard.down("w")
-        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
-        opens_menu()
-        tab.wait_until(lambda: plane.vehicle.throttle == 0)
-        keyboard.up("w")
-    right_click_in_the_view()
-    assert tab.page.evaluate("() => window.prevented")  # no menu opens there
-    keyboard.press("Escape")
-
-
 BUSY = """
 const frame = window.requestAnimationFrame.bind(window)
 window.requestAnimationFrame = (draw) => frame((time) => {
@@ -119,28 +91,3 @@ def test_a_page_that_hangs_does_not_drive_on(plane: PageServer, new_tab: NewTab)
     tab.wait_until(lambda: plane.vehicle.throttle > 0)  # the key is still held
     tab.page.keyboard.up("w")
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
-
-
-def test_a_connection_without_data_is_shown_and_its_requests_are_not_carried_out_later(
-    plane: PageServer, new_tab: NewTab
-) -> None:
-    with proxy(plane.server.port) as held:
-        tab = new_tab(size=(320, 240)).open(held.url + "?quality=low")
-        tab.page.keyboard.down("w")
-        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
-        held.hold()
-        tab.page.keyboard.press("p")
-        tab.wait_until(lambda: plane.vehicle.throttle == 0)
-        tab.wait_for_text("banner", "No data has come from the simulator")
-        assert "The image and the HUD are those of" in tab.text("banner")
-        tab.wait_for_notice("No answer for 5 s; the request is not carried out")
-        tab.page.keyboard.up("w")
-        time = plane.frame.time
-        held.release()
-        tab.wait_until(lambda: tab.value("store.link.value === 'open' && store.frame.value.time") > time)
-        while plane.frame.scene_light:  # lost if the page has just begun a new connection
-            tab.page.keyboard.press("b")  # answered after the request that came late
-            with contextlib.suppress(AssertionError):
-                tab.wait_until(lambda: not plane.frame.scene_light, timeout=6.0)
-        assert not plane.simulation.is_paused
-        assert plane.vehicle.throttle == 0

@@ -199,18 +199,6 @@ def test_a_car_must_stop_within_its_length_before_the_line_of_a_stop_sign(
     assert [type(event) for event in driven(world, 250)] == [StopSign] * is_event
 
 
-def test_the_same_run_again_after_restore_makes_the_same_events() -> None:
-    world = town(light_programs={"intersection": None})
-    world.set_traffic_light(EAST_WEST, RED)
-    driven(world, 10)
-    saved = world.save()
-    first = driven(world, 200)
-    world.restore(saved)
-    again = driven(world, 200)
-    assert [(type(one), one.time) for one in first] == [(type(one), one.time) for one in again]
-    assert first
-
-
 def test_lights_show_what_they_showed_at_that_tick_after_jumps_in_time() -> None:
     world = town(tick=0.1, substep=0.005)
     saved = [(world.save(), world.frame.traffic_lights)]

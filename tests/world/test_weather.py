@@ -110,21 +110,6 @@ def test_same_weather_and_seed_have_the_same_bits() -> None:
     assert drive(one) == reference
 
 
-def test_a_snapshot_keeps_the_weather_and_the_changing_ground() -> None:
-    world, other = autodrive.make(), autodrive.make()
-    drive(world, 7)
-    world.set_weather(STORM)
-    drive(world, 16)  # not a multiple of the period in which the tyres follow the ground
-    saved = world.save()
-    reference = drive(world)
-    other.restore(saved)
-    assert other.weather == saved.frame.weather
-    assert drive(other) == reference
-    world.reset()
-    world.restore(saved)
-    assert drive(world) == reference
-
-
 def test_the_lidar_of_a_world_that_continues_another_one_sees_its_weather() -> None:
     amounts = {"clouds": 1.0, "fog": 1.0, "rain": 0.8, "snow": 0.2, "wind": 0.5}
     storm = scenario(map="mini_map", weather=amounts, vehicles={"V1": {"has_realistic_sensors": True}})

@@ -506,20 +506,6 @@ def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) ->
 
 
 @pytest.mark.parametrize(
-    ("commands", "message"),
-    [
-        (np.zeros((2, 2)), r"the shape \(worlds, vehicles, 2\) = \(2, 1, 2\), not \(2, 2\)"),
-        ([[[0.0, np.nan]], [[0.0, 0.0]]], "steering of vehicle 'V1' of world 0 must be a finite number, not nan"),
-    ],
-)
-def test_wrong_commands_are_refused(commands: Any, message: str) -> None:
-    batch = BatchWorld("plane", 2)
-    with pytest.raises(CommandError, match=message):
-        batch.step(commands)
-    assert batch.readings.tick.tolist() == [0, 0]
-
-
-@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"worlds": [2]}, "numbers from 0 to 1"),
