@@ -82,7 +82,6 @@ SLOWEST_FIRST = (
     "graphics/cameras/test_tick_cameras.py",
     "hardening/test_crowd.py",
     "hardening/test_machine.py",
-    "hardening/test_long_drive.py",
     "test_determinism.py",
     "test_page_logic.py",
 )

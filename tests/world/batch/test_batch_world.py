@@ -403,35 +403,6 @@ def test_some_worlds_move_and_the_others_stay_as_they_are(worlds: Any) -> None:
         some.step(np.zeros((4, 2, 2)), worlds=[4])
 
 
-def test_start_poses_are_those_of_a_scenario() -> None:
-    poses = {"V1": [[-0.4, 0.1, 0.3], [0.0, 0.0, 0.0], [-1.0, -0.5, -2.0]], "single_1": [1.0, 1.0, 0.7]}
-    batch = BatchWorld("boxes", 4)
-    batch.reset([3, 0, 2], poses=poses)
-    spec = load_scenario("boxes")
-    for k, (x, y, yaw) in zip([3, 0, 2], poses["V1"], strict=True):
-        moved = spec.model_dump() | {
-            "vehicles": {"V1": {"x": x, "y": y, "yaw_deg": np.degrees(yaw)}},
-            "boxes": {
-                **spec.model_dump()["boxes"],
-                "single_1": {"x": 1.0, "y": 1.0, "yaw_deg": np.degrees(0.7), "mass": 0.15},
-            },
-        }
-        world = make(ScenarioSpec(**moved), seed=k)
-        assert_close(batch.readings, k, world.frame)
-    assert_same(batch.readings, 1, make("boxes", seed=1).frame)
-    batch.reset()
-    for k in range(4):
-        assert_same(batch.readings, k, make("boxes", seed=k).frame)
-
-
-def assert_close(readings: Readings, k: int, frame: Frame) -> None:
-    """Angles in degrees differ in their last bit from those in radians."""
-    car, box = frame.vehicles["V1"], frame.objects["single_1"]
-    np.testing.assert_allclose(readings.position[k, 0], car.pose.position, atol=1e-15)
-    np.testing.assert_allclose(readings.orientation[k, 0], car.pose.orientation, atol=1e-15)
-    np.testing.assert_allclose(readings.object_pose[k, 5, 3:], box.pose.orientation, atol=1e-15)
-
-
 def test_poses_that_overlap_are_refused_and_nothing_changes() -> None:
     batch = BatchWorld(TWO_CARS, 3)
     batch.step(random_commands(3, 2, 1)[0], ticks=20)
@@ -515,6 +486,8 @@ def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) ->
         ({"mass": 20.0}, "mass is a factor from 0.1 to 10"),
         ({"grip": np.nan}, "grip is a factor"),
         ({"noise": [1.0, 2.0, 3.0]}, r"noise must be one number, or have the shape \(2,\) or \(2, 1\)"),
+        ({"weather": [Weather()]}, "each of the 2 worlds"),
+        ({"weather": Weather(rain=2.0)}, "rain"),
         ({"poses": {"V1": [0, 0]}}, r"the poses of 'V1' must have the shape \(2, 3\)"),
     ],
 )
