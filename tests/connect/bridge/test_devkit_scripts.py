@@ -26,7 +26,6 @@ from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
-from autodrive.world import World
 from tests.connect.bridge.conftest import ROOT, Resets, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.lockstep import answered_ticks
@@ -45,12 +44,6 @@ STACKS = {"legacy": Dialect.ENGINE_IO_3, "newest": Dialect.ENGINE_IO_4}
 @pytest.fixture(scope="module")
 def lanes() -> LaneGraph:
     return load_map("mini_map").lane_graph
-
-
-@pytest.fixture(scope="module")
-def town(one_world: World) -> World:
-    """Depends on the other world, which compiles everything."""
-    return autodrive.make(ScenarioSpec(map="mini_map"))
 
 
 class Drive:

@@ -69,11 +69,6 @@ def node_of(asset: Asset, name: str) -> AssetNode:
     return next(node for node in asset.nodes if node.name == name)
 
 
-def reach(asset: Asset, name: str, detail: Detail = "full") -> Floats:
-    """Size of a node's bounding box [m]."""
-    return np.ptp(corners(asset, detail)[name].reshape(-1, 3), axis=0)
-
-
 @pytest.mark.parametrize(
     ("names", "full", "reduced"),
     [(("nigel", "nigel_2023"), (35_000, 45_000), (7_000, 9_000)), (RACERS, (25_000, 35_000), (5_000, 8_000))],

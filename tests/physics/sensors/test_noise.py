@@ -24,8 +24,6 @@ from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import BOX, Solid, scene
 
-UST_10LX = LidarNoise(sigma=0.01, step=0.001)
-
 
 def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:
     """Errors over time, shape (samples, channels)."""
