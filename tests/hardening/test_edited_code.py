@@ -22,7 +22,6 @@ from autodrive import Simulation
 from autodrive.base.code_snapshot import CodeSnapshot
 from autodrive.base.errors import AutodriveError
 from autodrive.base.jit import CACHE
-from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
@@ -30,6 +29,7 @@ from autodrive.experiments.campaigns.runs import CampaignProgress
 from autodrive.protocol.messages import AddBox, LoadScenario, Reset, SetSensor
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
+from autodrive.scenario.kinds import find
 from tests.support.command_line import call
 from tests.support.hardening import fill, make_read_only, mount_or_skip, small_disk
 from tests.support.waiting import LIMIT

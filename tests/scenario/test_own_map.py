@@ -11,7 +11,7 @@ import yaml
 
 import autodrive
 from autodrive import Command, Simulation, SpecError
-from autodrive.base.yaml_files import find, names, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.runner import Runner
@@ -21,6 +21,7 @@ from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.files import files_of, read_scenario, scenario_text, write_to
+from autodrive.scenario.kinds import find, names
 from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
 from tests.support.frames import digest, digests

@@ -22,7 +22,7 @@ from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.physics.model import BOX
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.rays import cast_rays
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.ground import floor_extent

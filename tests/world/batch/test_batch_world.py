@@ -15,9 +15,9 @@ import yaml
 from autodrive import Command, Frame, make
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
-from autodrive.base.yaml_files import find
 from autodrive.protocol.messages import RedLight, StopSign, Weather
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement, load_scenario
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.batch import BatchWorld, Readings

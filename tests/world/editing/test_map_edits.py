@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import autodrive
 from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.base.errors import AutodriveError
-from autodrive.base.yaml_files import find, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.protocol.messages import (
     AddBox,
@@ -42,6 +42,7 @@ from autodrive.protocol.native import MapScene
 from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.world import World
