@@ -360,7 +360,7 @@ class Requests:
             if world := self._simulation.prepare(operation.name):
                 self._broadcast.prepare(world)
         elif isinstance(operation, AddBox):
-            from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
+            from autodrive.world.views.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
 
             world = self._simulation.world
             edited(world.spec, world.boxes, operation)
@@ -478,7 +478,7 @@ class Requests:
 
     def _weather_text(self, frame: Frame) -> str:
         """Text of the weather in numbers; made in another thread, one at a time, and once for each weather."""
-        from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
+        from autodrive.world.views.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
 
         is_day = None if frame.time_of_day is None else frame.scene_light
         weather, ground = frame.weather or Weather(), self._simulation.world.map.ground
@@ -501,7 +501,7 @@ class Requests:
 
     def _described_vehicle(self, name: str) -> Answer:
         """The answer with the URDF of a vehicle, made in another thread."""
-        from autodrive.world.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
+        from autodrive.world.views.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
 
         world = self._simulation.world
         if name not in world.vehicle_specs:
