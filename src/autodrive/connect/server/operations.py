@@ -18,12 +18,8 @@ if TYPE_CHECKING:
     from autodrive.connect.server.served import Served
     from autodrive.scenario.maps.spec import GroundSpec
 
-SHORT, BUILD, MAP_EDIT, OF_SERVER = (
-    RequestKind(),
-    RequestKind("build"),
-    RequestKind("map edit"),
-    RequestKind(is_of_server=True),
-)
+SHORT, BUILD, MAP_EDIT = RequestKind(), RequestKind("build"), RequestKind("map edit")
+OF_SERVER = RequestKind(is_of_server=True)
 VIEW = RequestKind(is_of_server=True, is_replaced=True, least_work=0.004)
 KINDS: dict[type, RequestKind] = {
     messages.Pause: RequestKind(change="paused the simulation"),
