@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import Force, RecordingFile, check_outputs
+from autodrive.cli.options import Force, RecordingFile, check_outputs, filled
 
 
 def film(
@@ -55,6 +55,7 @@ def film(
     force: Force = False,
 ) -> None:
     """Make a film of a recording, with any camera, by day or at night."""
+    arguments = locals()
     from rich.console import Console
     from rich.progress import Progress
 
@@ -75,20 +76,7 @@ def film(
         distance=distance,
         position=_position(position),
     )
-    options = FilmOptions(
-        camera=camera,
-        vehicle=vehicle,
-        start=start,
-        end=end,
-        speed=speed,
-        rate=rate,
-        size=size_of(size, "--size") if size else None,
-        light=light,
-        overlay=overlay,
-        codec=codec,
-        quality=quality,
-        view=view,
-    )
+    options = filled(FilmOptions, arguments, size=size_of(size, "--size") if size else None, view=view)
     with Tape(file) as tape, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("filming")
         images = make_film(

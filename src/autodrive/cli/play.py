@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, results_folder
+from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, filled, results_folder
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
@@ -66,21 +66,15 @@ def play(
     `autodrive play crossing` lets four cars drive through a crossing, `autodrive play duel` two cars race; a policy may
     follow: one that was trained here (.npz), or a network made for the published benchmarks (.onnx).
     """
+    arguments = locals()
     from autodrive.experiments.envs.crossing import Crossing
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
     is_given = {
-        "--laps": laps is not None,
-        "--lockstep": lockstep,
-        "--noise": noise,
-        "--output": output is not None,
-        "--force": force,
-        "--headless": headless,
-        "--port": port is not None,
-        "--episodes": episodes is not None,
-        "--rival": rival is not None,
-        "a track": track is not None,
+        "a track" if name == "track" else f"--{name}": value is not None and value is not False
+        for name, value in arguments.items()
+        if name not in ("policy", "seed")
     }
     is_team = policy in TEAMS
     chosen = None if is_team else Policy.find(policy)
@@ -108,18 +102,16 @@ def play(
         from autodrive.run.race import RaceOptions
 
         _refuse(is_given, {"--episodes", "--rival"}, "on a track")
-        options = RaceOptions(
-            track,
-            devkits=(),
+        options = filled(
+            RaceOptions,
+            arguments,
             teams=(_team(Path(policy)),),
             rules="practice",
             laps=laps or 10,
             has_realistic_sensors=noise,
             is_lockstep=lockstep,
-            seed=seed,
             output=results_folder(output),
             has_page=not headless,
-            port=port,
         )
         show_race(options, force, lambda stop, display: race(chosen, options, stop=stop, observer=display))
 

@@ -19,6 +19,7 @@ from autodrive.cli.options import (
     Record,
     ResultsFolder,
     check_outputs,
+    filled,
     results_folder,
 )
 from autodrive.cli.run import address
@@ -86,29 +87,21 @@ def race(
 
     Writes result.json, result.md, laps.csv and lines.png, and prints the standings.
     """
+    arguments = locals()
     with narrated("starting the simulator"):  # at the first start, this takes seconds
         from autodrive.run.race import RaceOptions
         from autodrive.run.race import race as run_race
 
-    options = RaceOptions(
-        track=track,
+    options = filled(
+        RaceOptions,
+        arguments,
         devkits=tuple(address(text) for text in devkit or ()),
         scripts=tuple(script or ()),
         teams=tuple(team or ()),
-        rules=rules,
-        laps=laps,
-        vehicle=vehicle,
         has_realistic_sensors=noise,
         is_lockstep=lockstep,
-        pace=pace,
-        seed=seed,
-        start_limit=start_limit,
         output=results_folder(output),
-        record=record,
-        cameras=cameras,
         has_page=not headless,
-        host=host,
-        port=port,
     )
     show_race(options, force, lambda stop, display: run_race(options, stop=stop, observer=display))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token
+from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token, filled
 from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def replay(
     ] = "auto",
 ) -> None:
     """Show a recording in the page, until Ctrl-C."""
+    arguments = locals()
     if resimulate:
         from autodrive.cli.recordings import simulate_again
 
@@ -64,7 +65,7 @@ def replay(
         if browser and has_screen():
             open_page(url)
 
-    options = ReplayOptions(speed, paused, camera_quality, host=host, port=port, token=token)
+    options = filled(ReplayOptions, arguments, is_paused=paused)
     with StopSignals(lambda _: stop.set()) as signals:
         show(file, options, stop=stop, on_start=started)
     signals.end()

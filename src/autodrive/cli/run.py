@@ -14,7 +14,7 @@ import typer
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.base.tcp import without_brackets
 from autodrive.cli.narrated import narrated
-from autodrive.cli.options import Browser, Force, Headless, Host, Port, Record, Token, check_outputs
+from autodrive.cli.options import Browser, Force, Headless, Host, Port, Record, Token, check_outputs, filled
 from autodrive.cli.stopping import StopSignals
 from autodrive.cli.weather import environment
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
@@ -141,42 +141,24 @@ def run(
     force: Force = False,
 ) -> None:
     """Run a scenario until its duration is over, or until Ctrl-C."""
+    arguments = locals()
     if record_last is not None and record is None:
         raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
     # with --record-last the names of the files have numbers that no file has
     check_outputs(summary, None if record_last else record, is_forced=force)
-    options = _options_type()(
-        scenario=scenario,
-        mode=mode,
-        duration=duration,
+    devkit_arguments = {name.removeprefix("devkit_"): value for name, value in arguments.items()}
+    options = filled(
+        _options_type(),
+        arguments,
         speed=_speed(speed),
-        seed=seed,
         environment=environment(weather) if weather else {},
         devkit=address(devkit) if devkit else None,
-        devkit_settings=DevkitSettings(
-            profile=devkit_profile,
-            keys=devkit_keys,
-            lidar=devkit_lidar,
-            steering=devkit_steering,
-            feedback=devkit_feedback,
-            handshake=devkit_handshake,
-        ),
-        summary=summary,
-        recordings=recordings,
-        folder=folder,
-        record=record,
-        record_last=record_last,
-        cameras=cameras,
+        devkit_settings=filled(DevkitSettings, devkit_arguments),
         is_lockstep=lockstep,
-        camera_quality=camera_quality,
         image_size=size_of(image_size) if image_size else None,
-        image_quality=image_quality,
         has_page=not headless,
-        host=host,
-        port=port,
-        token=token,
         allowed_origins=tuple(allow_origin or ()),
     )
     _run(options, opens_browser=browser)

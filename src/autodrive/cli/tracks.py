@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from autodrive.base.errors import AutodriveError
-from autodrive.cli.options import Force, check_end, check_outputs
+from autodrive.cli.options import Force, check_end, check_outputs, filled
 
 if TYPE_CHECKING:
     from autodrive.scenario.tracks.track import BarrierSpec, Track
@@ -60,6 +60,7 @@ def import_track(
     force: Force = False,
 ) -> None:
     """Import a race track: walls, centre line and race line, with checks."""
+    arguments = locals()
     from autodrive.scenario.tracks import importer
 
     check_end("--output", output, ".yaml", ".yml")
@@ -70,15 +71,13 @@ def import_track(
             f"the track would replace the file that it is made from: choose another --output  ({file})"
         )
     check_outputs(file, is_forced=force)
-    options = importer.ImportOptions(
-        name=name,
-        tolerance=tolerance,
+    options = filled(
+        importer.ImportOptions,
+        arguments,
         gap=close,
-        width=width,
         barrier=_barrier(barrier, gap, duct_length),
         start=_pair(start, ",", "--start", "X,Y such as 1.5,-2") if start else None,
         is_reversed=reverse,
-        resolution=resolution,
     )
     track, warnings = importer.import_track(path, options)
     for warning in warnings:
