@@ -13,7 +13,7 @@ from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
     from autodrive.experiments.policies import Policy
-    from autodrive.run.team import Team
+    from autodrive.experiments.policies.team import Team
 
 TEAMS = {"crossing": "crossing", "duel": "head_to_head"}
 """Tasks of several cars, and the included policy of each."""
@@ -149,7 +149,7 @@ def _team_of(task: str, policy: str | None, rival: str | None, *, laps: int, has
     """All cars of a task, and the policy that drives them; None: the included one."""
     from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
-    from autodrive.run.team import duel_team, foreign_team, learnt_team, program
+    from autodrive.experiments.policies.team import duel_team, foreign_team, learnt_team, program
 
     if policy is not None and Path(policy).suffix == ".onnx":
         return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
@@ -167,7 +167,7 @@ def _drive_team(
     team: Team, episodes: int | None, seed: int, *, headless: bool, port: int | None, is_lockstep: bool
 ) -> None:
     """Drive all cars of a task, and print how often they succeeded."""
-    from autodrive.run.team import drive, show, summary
+    from autodrive.experiments.policies.team import drive, show, summary
 
     if headless:
         results = drive(team, episodes or 100, seed)
