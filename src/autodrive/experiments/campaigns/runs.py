@@ -111,11 +111,11 @@ def run_campaign(
         files = executor.files if executor else CampaignFiles.of(campaign)
         cache = (cache or RowCache()) if uses_cache else None
         progress, observer = CampaignProgress(len(campaign)), observer or CampaignObserver()
-        execution = _Execution(campaign, folder, RunKeys(files), progress, observer, cache)
+        running = _RunningCampaign(campaign, folder, RunKeys(files), progress, observer, cache)
         write_file(folder / OWNER, _owner(campaign, folder))
         if (places := files.opaque) and uses_cache:
             log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)
-        return execution.outcome(execution.results(executor, lambda: local_executor(campaign, workers, files)))
+        return running.outcome(running.results(executor, lambda: local_executor(campaign, workers, files)))
 
 
 def run_search(
@@ -133,9 +133,9 @@ def run_search(
     with locked(folder):
         write_file(folder / OWNER, "search")
         progress, observer = CampaignProgress(trials), observer or CampaignObserver()
-        execution = _Execution(campaign, folder, RunKeys(executor.files), progress, observer)
+        running = _RunningCampaign(campaign, folder, RunKeys(executor.files), progress, observer)
         trials_run = falsify(campaign, executor, trials=trials)
-        return execution.outcome((trial.run, execution.keys.of(trial.run), trial.result) for trial in trials_run)
+        return running.outcome((trial.run, running.keys.of(trial.run), trial.result) for trial in trials_run)
 
 
 Done: TypeAlias = tuple[CampaignRun, str, RunResult]
@@ -143,7 +143,7 @@ Done: TypeAlias = tuple[CampaignRun, str, RunResult]
 
 
 @dataclass
-class _Execution:
+class _RunningCampaign:
     """A campaign or search that runs: its table in a folder, and how far it is."""
 
     campaign: Campaign
