@@ -98,6 +98,7 @@ def play(
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
+        from autodrive.connect.server.served import PageOptions
         from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
@@ -112,6 +113,7 @@ def play(
             is_lockstep=lockstep,
             output=results_folder(output),
             has_page=not headless,
+            page=PageOptions(port=port),
         )
         show_race(options, force, lambda stop, display: race(chosen, options, stop=stop, observer=display))
 

@@ -89,6 +89,7 @@ def race(
     """
     arguments = locals()
     with narrated("starting the simulator"):  # at the first start, this takes seconds
+        from autodrive.connect.server.served import PageOptions
         from autodrive.run.race import RaceOptions
         from autodrive.run.race import race as run_race
 
@@ -102,6 +103,7 @@ def race(
         is_lockstep=lockstep,
         output=results_folder(output),
         has_page=not headless,
+        page=filled(PageOptions, arguments),
     )
     show_race(options, force, lambda stop, display: run_race(options, stop=stop, observer=display))
 

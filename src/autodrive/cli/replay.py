@@ -47,6 +47,7 @@ def replay(
         from autodrive.cli.recordings import simulate_again
 
         raise typer.Exit(simulate_again(file, sensor or []))
+    from autodrive.connect.server.served import PageOptions
     from autodrive.recording.replay import ReplayOptions
     from autodrive.recording.replay import replay as show
     from autodrive.run.browser import has_screen, open_page, tunnel
@@ -65,7 +66,7 @@ def replay(
         if browser and has_screen():
             open_page(url)
 
-    options = filled(ReplayOptions, arguments, is_paused=paused)
+    options = filled(ReplayOptions, arguments, is_paused=paused, page=filled(PageOptions, arguments))
     with StopSignals(lambda _: stop.set()) as signals:
         show(file, options, stop=stop, on_start=started)
     signals.end()

@@ -149,8 +149,11 @@ def run(
     # with --record-last the names of the files have numbers that no file has
     check_outputs(summary, None if record_last else record, is_forced=force)
     devkit_arguments = {name.removeprefix("devkit_"): value for name, value in arguments.items()}
+    _import_run()
+    from autodrive.run.options import PageOptions, RunOptions
+
     options = filled(
-        _options_type(),
+        RunOptions,
         arguments,
         speed=_speed(speed),
         environment=environment(weather) if weather else {},
@@ -159,22 +162,24 @@ def run(
         is_lockstep=lockstep,
         image_size=size_of(image_size) if image_size else None,
         has_page=not headless,
-        allowed_origins=tuple(allow_origin or ()),
+        page=filled(PageOptions, arguments, allowed_origins=tuple(allow_origin or ())),
     )
     _run(options, opens_browser=browser)
 
 
 def run_default() -> None:
     """`autodrive run` without arguments."""
-    _run(_options_type()(), opens_browser=True)
+    _import_run()
+    from autodrive.run.options import RunOptions
+
+    _run(RunOptions(), opens_browser=True)
 
 
-def _options_type() -> type[RunOptions]:
-    """The class of the options, and with it all that a run needs, which takes seconds at the first start."""
+def _import_run() -> None:
+    """Import all that a run needs, which takes seconds at the first start."""
     with narrated("starting the simulator"):
-        importlib.import_module("autodrive.cli.status")
-        from autodrive.run.options import RunOptions
-    return RunOptions
+        for module in ("autodrive.cli.status", "autodrive.run.options"):
+            importlib.import_module(module)
 
 
 def _run(options: RunOptions, *, opens_browser: bool) -> None:
