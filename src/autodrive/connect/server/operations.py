@@ -16,7 +16,6 @@ from autodrive.world.editing.map_export import exported_map
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
     from autodrive.connect.server.served import Served
-    from autodrive.scenario.maps.spec import GroundSpec
 
 SHORT, BUILD, MAP_EDIT = RequestKind(), RequestKind("build"), RequestKind("map edit")
 OF_SERVER = RequestKind(is_of_server=True)
@@ -100,7 +99,7 @@ class ServerOperations:
         """Text of the weather in numbers; one thread at a time."""
         is_day = None if frame.time_of_day is None else frame.scene_light
         ground = self._served.simulation.world.map.ground
-        return _weather_numbers(frame.weather or messages.Weather(), ground, is_day)  # pyright: ignore[reportArgumentType]  a frozen Spec has a hash
+        return _weather_numbers(frame.weather or messages.Weather(), ground, is_day)
 
     def _vehicle_description(self, request: native.DescribeVehicle) -> Answer:
         """The answer with the URDF of a vehicle."""
@@ -129,7 +128,7 @@ class ServerOperations:
 
 
 @lru_cache(maxsize=1)
-def _weather_numbers(weather: messages.Weather, ground: GroundSpec, is_day: bool | None) -> str:
+def _weather_numbers(weather: messages.Weather, ground: Any, is_day: bool | None) -> str:
     from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
 
     return weather_numbers(weather, ground, is_day=is_day)
