@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Collection
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from autodrive.protocol.devkit import DevkitCommands, environment_operations, light_operations
 from autodrive.protocol.messages import Hold, Reset
@@ -16,23 +17,11 @@ RESET_INTERVAL = 0.5
 sets and clears the key repeatedly would keep simulated time at 0."""
 
 
-class Values(NamedTuple):
-    """Values that a script has set; they last until it sets others."""
-
-    holds: Mapping[str, Hold] = {}
-    """Poses of co-simulated vehicles, by vehicle."""
-    environment: Mapping[str, float] = {}
-    """Time of day and weather, by the keys of `ENVIRONMENT`."""
-    lights: Mapping[int, int] = {}
-    """States of traffic lights, by number from 1."""
-
-
 class Wanted:
     """What the script of one connection wants, and what of it has been requested. Uses no clock and no socket."""
 
     def __init__(self) -> None:
-        self._wanted = self._requested = Values()
-        self._held_resets: dict[str, bool] = {}
+        self._wanted = self._requested = DevkitCommands()
         self._is_reset_due = False
         self._has_reset = False
         self._latest_tick = 0
@@ -40,16 +29,15 @@ class Wanted:
 
     def add(self, message: DevkitCommands, autonomous: Collection[str]) -> None:
         """Note the values of a message; reset and hold are obeyed for the vehicles in autonomous mode only."""
-        resets = [name for name, is_held in message.resets.items() if is_held and not self._held_resets.get(name)]
-        self._held_resets |= message.resets
-        self._is_reset_due |= any(vehicle in autonomous for vehicle in resets)
-        holds = {
-            hold.vehicle: hold if hold.vehicle in autonomous else Hold(hold.vehicle, None) for hold in message.holds
-        }
-        self._wanted = Values(
-            {**self._wanted.holds, **holds},
-            {**self._wanted.environment, **message.environment},
-            {**self._wanted.lights, **message.traffic_lights},
+        before = self._wanted
+        resets = {name for name, is_held in message.resets.items() if is_held and not before.resets.get(name)}
+        self._is_reset_due |= not resets.isdisjoint(autonomous)
+        holds = {name: hold if name in autonomous else Hold(name, None) for name, hold in message.holds.items()}
+        self._wanted = DevkitCommands(
+            resets=before.resets | message.resets,
+            holds=before.holds | holds,
+            environment=before.environment | message.environment,
+            traffic_lights=before.traffic_lights | message.traffic_lights,
         )
 
     def operations(self, frame: Frame) -> list[Operation]:
@@ -58,7 +46,7 @@ class Wanted:
             return []
         before, wanted, self._requested = self._requested, self._wanted, self._wanted
         if frame.tick < self._latest_tick:  # a reset has set the lights back
-            before = before._replace(lights={})
+            before = replace(before, traffic_lights={})
         self._latest_tick = frame.tick
         operations: list[Operation] = []
         if self._is_reset_due and (not self._has_reset or frame.time >= RESET_INTERVAL):
@@ -66,7 +54,7 @@ class Wanted:
             operations.append(Reset())
         operations += [hold for name, hold in wanted.holds.items() if before.holds.get(name, Hold(name, None)) != hold]
         operations += environment_operations(before.environment, wanted.environment)
-        operations += light_operations(before.lights, wanted.lights, list(frame.traffic_lights))
+        operations += light_operations(before.traffic_lights, wanted.traffic_lights, list(frame.traffic_lights))
         if operations:
             self._requested_at = frame
         return operations

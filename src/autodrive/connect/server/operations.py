@@ -31,21 +31,14 @@ KINDS: dict[type, RequestKind] = {
     messages.SetTimeOfDay: RequestKind(is_replaced=True, change="changed the time of day"),
     messages.SetWeather: RequestKind(is_replaced=True, change="changed the weather"),
     messages.LoadScenario: RequestKind("build", is_replaced=True, is_common=True, change="loaded a scenario"),
-    messages.Place: BUILD,
-    messages.AddBox: BUILD,
-    messages.RemoveBox: BUILD,
-    messages.SetSensor: BUILD,
-    messages.Undo: BUILD,
-    messages.Redo: BUILD,
-    messages.EditMap: MAP_EDIT,
-    messages.CloseLoop: MAP_EDIT,
-    messages.EditTrack: MAP_EDIT,
-    messages.GenerateTrack: MAP_EDIT,
+    **dict.fromkeys((messages.Place, messages.AddBox, messages.RemoveBox, messages.SetSensor), BUILD),
+    **dict.fromkeys((messages.Undo, messages.Redo, own_files.ImportTrack), BUILD),
+    **dict.fromkeys((messages.EditMap, messages.CloseLoop, messages.EditTrack, messages.GenerateTrack), MAP_EDIT),
     messages.UseMap: RequestKind("map edit", change="opened another map"),
-    own_files.ImportTrack: BUILD,
     own_files.OpenFile: RequestKind("build", change="opened a file"),
     native.SetCamera: VIEW,
     native.ViewSensor: VIEW,
+    native.DescribeWeather: RequestKind(is_of_server=True, is_beside=True),
     native.ConnectBridge: RequestKind(is_of_server=True, is_replaced=True, least_work=0.05),
     replay.StartRecording: RequestKind(is_of_server=True, least_work=0.05),
 }
@@ -69,11 +62,12 @@ class ServerOperations:
 
     def __init__(self, served: Served, bridge: BridgeControl) -> None:
         self._served = served
-        self._recording_lock = asyncio.Lock()
+        self._recording_lock, self._weather_lock = asyncio.Lock(), asyncio.Lock()
         recording = served.recording
         self.table: dict[type, Callable[[Any], Awaitable[Answer | None]]] = {
             native.ConnectBridge: lambda request: bridge.connect(request.host, request.port),
             native.DisconnectBridge: lambda _: bridge.disconnect(),
+            native.DescribeWeather: self._describe_weather,
             native.DescribeVehicle: partial(asyncio.to_thread, self._vehicle_description),
             replay.StartRecording: lambda request: self._record(recording.start, request.keep),
             replay.StopRecording: lambda _: self._record(recording.stop),
@@ -93,13 +87,12 @@ class ServerOperations:
         async with self._recording_lock:
             return Answer(await asyncio.to_thread(control, *arguments) or "")
 
-    # -- in other threads: the world that they see is the present one -------------------------------------------
+    async def _describe_weather(self, _: native.DescribeWeather) -> Answer:
+        simulation = self._served.simulation
+        async with self._weather_lock:
+            return Answer(await asyncio.to_thread(_weather_text, simulation.frame, simulation.world.map.ground))
 
-    def weather_text(self, frame: messages.Frame) -> str:
-        """Text of the weather in numbers; one thread at a time."""
-        is_day = None if frame.time_of_day is None else frame.scene_light
-        ground = self._served.simulation.world.map.ground
-        return _weather_numbers(frame.weather or messages.Weather(), ground, is_day)
+    # -- in other threads: the world that they see is the present one -------------------------------------------
 
     def _vehicle_description(self, request: native.DescribeVehicle) -> Answer:
         """The answer with the URDF of a vehicle."""
@@ -125,6 +118,12 @@ class ServerOperations:
     def _exported_map(self, request: own_files.ExportMap) -> Answer:
         text, picture = exported_map(self._served.simulation.world.map, request.name, request.resolution)
         return Answer(text, picture=picture)
+
+
+def _weather_text(frame: messages.Frame, ground: Any) -> str:
+    """Text of the weather in numbers."""
+    is_day = None if frame.time_of_day is None else frame.scene_light
+    return _weather_numbers(frame.weather or messages.Weather(), ground, is_day)
 
 
 @lru_cache(maxsize=1)

@@ -27,6 +27,8 @@ class RequestKind(NamedTuple):
     do not wait for them."""
     is_of_server: bool = False
     """Executed by the server; all others by the simulation, which executes one at a time."""
+    is_beside: bool = False
+    """Executed at once, beside the queue: it takes a second, for which the next request of the client must not wait."""
     is_limited: bool = True
     """False: they may use all of the time."""
     is_replaced: bool = False

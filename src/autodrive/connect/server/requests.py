@@ -27,7 +27,7 @@ from autodrive.protocol.messages import (
     Step,
     UseMap,
 )
-from autodrive.protocol.native import DescribeWeather, Error, Request, SetCamera, ViewSensor
+from autodrive.protocol.native import Error, Request, SetCamera, ViewSensor
 from autodrive.protocol.own_files import ImportTrack, OpenFile
 from autodrive.world.editing.edits import edited
 from autodrive.world.editing.track_edits import imported_track
@@ -71,7 +71,6 @@ class Requests:
         self._frame_queue = broadcast.queue
         self._leases = leases
         self._operations = ServerOperations(served, bridge)
-        self._weather_lock = asyncio.Lock()
         self._scheduler = Scheduler(self._begin, lambda: self._simulation.is_paused)
         self._on_change = on_change
         self._clock = clock
@@ -87,8 +86,6 @@ class Requests:
         operation, id = request.operation, request.id
         if error := self._served.refusal(operation) or self._unknown(operation):
             client.send_error(Error("request", error, id))
-        elif isinstance(operation, DescribeWeather):
-            self._describe_weather(client, id)
         elif not self._scheduler.add(client, QueuedOperation(operation, self._operations.kind(operation), [id], size)):
             text = (
                 f"more than {MAX_PENDING} requests, or {MAX_PENDING_BYTES >> 20} MiB, are pending: wait for a Response"
@@ -113,7 +110,9 @@ class Requests:
         try:
             if execute := self._operations.table.get(type(operation)):
                 if len(self._tasks) >= MAX_PENDING:
-                    raise AutodriveError("too many clients connect the bridge, record or plot at the same time")
+                    raise AutodriveError(
+                        "too many clients connect the bridge, describe the weather, record or plot at the same time"
+                    )
                 self._keep(self._execute_in_server(turn, execute))
             elif isinstance(operation, SetCamera | ViewSensor):
                 self._broadcast.remote_views.set_view(turn.client, operation, self._clock())
@@ -171,23 +170,6 @@ class Requests:
         task = asyncio.create_task(execution)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-    def _describe_weather(self, client: ConnectedClient, id: int) -> None:
-        """Beside the queue: the first answer takes a second, for which the next weather must not wait."""
-        if len(self._tasks) >= MAX_PENDING:
-            client.send_error(Error("rate", "too many requests are pending: wait for a Response", id))
-            return
-
-        async def answer() -> None:
-            async with self._weather_lock:
-                try:
-                    text = await asyncio.to_thread(self._operations.weather_text, self._broadcast.latest)
-                    client.respond(id, self._broadcast.latest, text)
-                except Exception as error:
-                    log.exception("server: a weather could not be described")
-                    client.send_error(Error("request", str(error), id))
-
-        self._keep(answer())
 
     # -- operations of the simulation ---------------------------------------------------------------------------
 

@@ -54,6 +54,9 @@ class Scheduler:
 
     def add(self, client: ConnectedClient, entry: QueuedOperation) -> bool:
         """Execute a request after the earlier ones of this client. Returns False if too many of them are waiting."""
+        if entry.kind.is_beside:
+            self._begin(Turn(client, RequestQueue(), entry))
+            return True
         queue = self._queues.setdefault(client, RequestQueue())
         was_idle = queue.is_idle
         if not queue.add(entry):

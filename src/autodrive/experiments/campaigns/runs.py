@@ -199,7 +199,14 @@ class _RunningCampaign:
             self._flush()
             if self.cache is not None:
                 self.cache.close()
-        return self._finish(is_complete)
+        from autodrive.experiments.campaigns.report import report  # noqa: PLC0415  after the runs
+        from autodrive.experiments.campaigns.statistics import summary  # noqa: PLC0415  it needs scipy
+
+        rows = self._table.finish()
+        numbers = summary(self.campaign, rows)
+        write_file(self.folder / "summary.json", json.dumps(with_encodable_texts(numbers), indent=2) + "\n")
+        write_file(self.folder / "report.html", report(self.campaign, rows, numbers))
+        return Outcome(self.folder, numbers, is_complete)
 
     def _add(self, run: CampaignRun, key: str, result: RunResult) -> None:
         self.progress.count(self._table.add(run, key, result)["status"])
@@ -239,16 +246,6 @@ class _RunningCampaign:
             return result
         file = self.folder / "recordings" / recording_name(run.number)
         return replace(result, recording=file.name) if file.is_file() else None
-
-    def _finish(self, is_complete: bool) -> Outcome:
-        from autodrive.experiments.campaigns.report import report  # noqa: PLC0415  after the runs
-        from autodrive.experiments.campaigns.statistics import summary  # noqa: PLC0415  it needs scipy
-
-        rows = self._table.finish()
-        numbers = summary(self.campaign, rows)
-        write_file(self.folder / "summary.json", json.dumps(with_encodable_texts(numbers), indent=2) + "\n")
-        write_file(self.folder / "report.html", report(self.campaign, rows, numbers))
-        return Outcome(self.folder, numbers, is_complete)
 
 
 def local_executor(campaign: Campaign, workers: int | None, files: CampaignFiles | None = None) -> Executor:
