@@ -110,9 +110,7 @@ class Requests:
         try:
             if execute := self._operations.table.get(type(operation)):
                 if len(self._tasks) >= MAX_PENDING:
-                    raise AutodriveError(
-                        "too many clients connect the bridge, describe the weather, record or plot at the same time"
-                    )
+                    raise AutodriveError("too many clients connect the bridge, record, plot or ask at the same time")
                 self._keep(self._execute_in_server(turn, execute))
             elif isinstance(operation, SetCamera | ViewSensor):
                 self._broadcast.remote_views.set_view(turn.client, operation, self._clock())
