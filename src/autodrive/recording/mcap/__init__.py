@@ -14,8 +14,6 @@ from autodrive.recording.mcap.reader import MAX_MESSAGES as MAX_MESSAGES
 from autodrive.recording.mcap.reader import NO_MESSAGES as NO_MESSAGES
 from autodrive.recording.mcap.reader import ChunkMessages as ChunkMessages
 from autodrive.recording.mcap.reader import Reader as Reader
-from autodrive.recording.mcap.records import AttachmentIndex as AttachmentIndex
-from autodrive.recording.mcap.records import ChunkIndex as ChunkIndex
 from autodrive.recording.mcap.records import McapChannel as McapChannel
 from autodrive.recording.mcap.records import McapMessage as McapMessage
 from autodrive.recording.mcap.records import Schema as Schema

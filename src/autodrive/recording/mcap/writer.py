@@ -15,7 +15,6 @@ from autodrive.recording.mcap.records import (
     CHANNEL_PLACE,
     MAGIC,
     RECORD_HEAD,
-    ChunkIndex,
     McapChannel,
     McapMessage,
     Opcode,
@@ -72,35 +71,22 @@ class Writer:
     def __init__(self, file: BinaryIO, start: int) -> None:
         self._file = file
         self._offset = start
-        self._schemas: list[bytes] = []
-        self._channels: list[bytes] = []
-        self._chunks: list[tuple[ChunkIndex, int, int, int]] = []
-        self._attachments: list[bytes] = []
-        self._metadata: list[bytes] = []
+        summary = "SCHEMA", "CHANNEL", "STATISTICS", "CHUNK_INDEX", "ATTACHMENT_INDEX", "METADATA_INDEX"
+        self._summary: dict[Opcode, list[bytes]] = {Opcode[kind]: [] for kind in summary}
+        """Records of the summary, in its order."""
+        self._times: list[int] = []
+        """First and last times of the chunks [ns]."""
         self._counts: dict[int, int] = {}
 
     def schema(self, schema: Schema) -> None:
         """Add a schema, before the channels that use it."""
-        self._schemas.append(
-            _record(
-                Opcode.SCHEMA,
-                struct.pack("<H", schema.id) + _text(schema.name) + _text(schema.encoding) + _block(schema.data),
-            )
-        )
-        self._write(self._schemas[-1])
+        texts = _text(schema.name) + _text(schema.encoding) + _block(schema.data)
+        self._describe(Opcode.SCHEMA, struct.pack("<H", schema.id) + texts)
 
     def channel(self, channel: McapChannel) -> None:
         """Add a channel, before its messages."""
-        self._channels.append(
-            _record(
-                Opcode.CHANNEL,
-                struct.pack("<HH", channel.id, channel.schema)
-                + _text(channel.topic)
-                + _text(channel.encoding)
-                + _texts(channel.metadata),
-            )
-        )
-        self._write(self._channels[-1])
+        texts = _text(channel.topic) + _text(channel.encoding) + _texts(channel.metadata)
+        self._describe(Opcode.CHANNEL, struct.pack("<HH", channel.id, channel.schema) + texts)
 
     def chunk(self, chunk: Chunk) -> None:
         """Write a chunk with its indexes, and pass all to the operating system."""
@@ -114,9 +100,12 @@ class Writer:
         for channel, entries in chunk.index.items():
             places.append((channel, self._offset + len(record) + len(indexes)))
             indexes += _record(Opcode.MESSAGE_INDEX, struct.pack("<H", channel) + _block(bytes(entries)))
-        index = ChunkIndex(chunk.start, chunk.end, self._offset, len(record), np.array(places, CHANNEL_PLACE))
+        head = struct.pack("<QQQQ", chunk.start, chunk.end, self._offset, len(record))
+        index = head + _block(np.array(places, CHANNEL_PLACE).tobytes()) + struct.pack("<Q", len(indexes))
+        index += _text("zstd") + struct.pack("<QQ", len(data), len(chunk.data))
         self._write(record + indexes)
-        self._chunks.append((index, len(indexes), len(data), len(chunk.data)))
+        self._summary[Opcode.CHUNK_INDEX].append(_record(Opcode.CHUNK_INDEX, index))
+        self._times += [chunk.start, chunk.end]
         for channel, count in chunk.counts.items():
             self._counts[channel] = self._counts.get(channel, 0) + count
 
@@ -126,29 +115,22 @@ class Writer:
         record = _record(Opcode.ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
         index = struct.pack("<QQQQQ", self._offset, len(record), 0, 0, len(data)) + _text(name) + _text(media_type)
         self._write(record)
-        self._attachments.append(_record(Opcode.ATTACHMENT_INDEX, index))
+        self._summary[Opcode.ATTACHMENT_INDEX].append(_record(Opcode.ATTACHMENT_INDEX, index))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add named texts."""
         record = _record(Opcode.METADATA, _text(name) + _texts(values))
         index = struct.pack("<QQ", self._offset, len(record)) + _text(name)
         self._write(record)
-        self._metadata.append(_record(Opcode.METADATA_INDEX, index))
+        self._summary[Opcode.METADATA_INDEX].append(_record(Opcode.METADATA_INDEX, index))
 
     def finish(self) -> None:
         """Write the summary, from which readers find everything at once."""
         self._write(_record(Opcode.DATA_END, struct.pack("<I", 0)))
         start = self._offset
-        groups = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [_chunk_index(*chunk) for chunk in self._chunks]),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ]
+        self._summary[Opcode.STATISTICS].append(self._statistics())
         summary = offsets = b""
-        for kind, records in groups:
+        for kind, records in self._summary.items():
             part = b"".join(records)
             if part:
                 offsets += _record(Opcode.SUMMARY_OFFSET, struct.pack("<BQQ", kind, start + len(summary), len(part)))
@@ -157,19 +139,16 @@ class Writer:
         checksum = zlib.crc32(head, zlib.crc32(summary + offsets))
         self._write(summary + offsets + head + struct.pack("<I", checksum) + MAGIC)
 
+    def _describe(self, kind: Opcode, content: bytes) -> None:
+        """Write a record that the summary repeats."""
+        self._summary[kind].append(_record(kind, content))
+        self._write(self._summary[kind][-1])
+
     def _statistics(self) -> bytes:
         counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items()))
-        content = struct.pack(
-            "<QHIIIIQQ",
-            sum(self._counts.values()),
-            len(self._schemas),
-            len(self._channels),
-            len(self._attachments),
-            len(self._metadata),
-            len(self._chunks),
-            min((chunk[0].start for chunk in self._chunks), default=0),
-            max((chunk[0].end for chunk in self._chunks), default=0),
-        )
+        kinds = Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.CHUNK_INDEX
+        numbers = [sum(self._counts.values()), *(len(self._summary[kind]) for kind in kinds)]
+        content = struct.pack("<QHIIIIQQ", *numbers, min(self._times, default=0), max(self._times, default=0))
         return _record(Opcode.STATISTICS, content + _block(counts))
 
     def _write(self, data: bytes) -> None:
@@ -181,17 +160,6 @@ class Writer:
     def size(self) -> int:
         """Bytes that were written whole."""
         return self._offset
-
-
-def _chunk_index(index: ChunkIndex, indexes: int, compressed: int, size: int) -> bytes:
-    return _record(
-        Opcode.CHUNK_INDEX,
-        struct.pack("<QQQQ", index.start, index.end, index.offset, index.length)
-        + _block(index.places.tobytes())
-        + struct.pack("<Q", indexes)
-        + _text("zstd")
-        + struct.pack("<QQ", compressed, size),
-    )
 
 
 def _record(kind: int, content: bytes, more: bytes = b"") -> bytes:
