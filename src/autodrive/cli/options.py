@@ -61,6 +61,16 @@ MOST_NAMES = 8
 """Names of files in a message."""
 
 
+def option(help: str, default: Any = None, *names: str, **settings: Any) -> Any:
+    """An option of a command, with what `typer.Option` takes; `default` ...: it must be given."""
+    return typer.Option(default, *names, help=help, **settings)
+
+
+def argument(help: str, default: Any = None, **settings: Any) -> Any:
+    """An argument of a command, with what `typer.Argument` takes; `default` ...: it must be given."""
+    return typer.Argument(default, help=help, **settings)
+
+
 def filled(options: type[Options], arguments: Mapping[str, Any], **converted: Any) -> Options:
     """The options of a command: its arguments, for the fields with their names, and those that it has converted."""
     names = {field.name for field in dataclasses.fields(options)}  # pyright: ignore[reportArgumentType]

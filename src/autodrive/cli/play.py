@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, filled, results_folder
+from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, argument, filled, option, results_folder
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
@@ -20,43 +20,26 @@ TEAMS = {"crossing": "crossing", "duel": "head_to_head"}
 
 
 def play(
-    policy: Annotated[
-        str,
-        typer.Argument(help="Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'."),
-    ],
-    track: Annotated[
-        str | None,
-        typer.Argument(
-            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
-            "[default: it serves as a devkit script]"
-        ),
-    ] = None,
-    laps: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Laps to drive.  [default: 10; of 'duel' 2]")
-    ] = None,
-    lockstep: Annotated[
-        bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
-    ] = False,
+    policy: str = argument("Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'.", ...),
+    track: str | None = argument(
+        "Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
+        "[default: it serves as a devkit script]"
+    ),
+    laps: int | None = option("Laps to drive.  [default: 10; of 'duel' 2]", min=1, max=1000),
+    lockstep: bool = option("As fast as the machine can, instead of in real time.", False, "--lockstep/--real-time"),
     noise: Noise = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    seed: int = option("Seed of the noise.", 0, min=0),
     output: ResultsFolder = None,
     headless: Headless = False,
-    port: Annotated[
-        int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}."),
-    ] = None,
-    episodes: Annotated[
-        int | None,
-        typer.Option(min=1, max=10000, help="Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]"),
-    ] = None,
-    rival: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
-            "examples/racing/follow_the_gap.py.  [default: the same policy]",
-        ),
-    ] = None,
+    port: int | None = option(f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}.", min=0, max=65535),
+    episodes: int | None = option(
+        "Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]", min=1, max=10000
+    ),
+    rival: str | None = option(
+        "Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
+        "examples/racing/follow_the_gap.py.  [default: the same policy]",
+        metavar="NAME",
+    ),
     force: Force = False,
 ) -> None:
     """Drive with a trained policy.
