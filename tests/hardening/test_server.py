@@ -237,6 +237,19 @@ def test_a_client_does_not_wait_for_forty_others_who_build(monkeypatch: pytest.M
     assert order.executed_types.index("Teleport") < order.executed_types.index("SetWeather")
 
 
+def test_the_next_request_does_not_wait_until_a_weather_is_described(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_free = threading.Event()
+    numbers = "autodrive.world.views.weather_numbers.weather_numbers"
+    monkeypatch.setattr(numbers, lambda *_, **__: str(is_free.wait(LIMIT)))
+    with native_client(server) as client:
+        description = client.begin("DescribeWeather")
+        assert client.ask("SetWeather", weather={"rain": 0.5})["type"] == "Response"
+        is_free.set()
+        assert client.answer(description)["text"] == "True"
+
+
 @pytest.mark.parametrize("part", ["world", "scene"])
 @pytest.mark.parametrize("scenario", ["mini_map", "tiny_town"])
 def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_all(

@@ -396,9 +396,9 @@ def cosim(number: int, **changes: str) -> dict[str, str]:
 def test_a_co_simulated_vehicle_gets_its_pose_with_the_quaternion_as_wxyz() -> None:
     vehicles = {"red": Command(), "green": Command()}
     orders = read_commands(cosim(2), PROFILES["2025"], vehicles)
-    assert orders.holds == [Hold("green", (1.5, -2.0, 0.1), (0.8, 0.0, 0.0, 0.6))]
-    assert read_commands(cosim(1, CoSim="0"), PROFILES["2025"], vehicles).holds == [Hold("red", None)]
-    assert read_commands(cosim(1) | {"V1 CoSim": None}, PROFILES["2025"], vehicles).holds == []
+    assert orders.holds == {"green": Hold("green", (1.5, -2.0, 0.1), (0.8, 0.0, 0.0, 0.6))}
+    assert read_commands(cosim(1, CoSim="0"), PROFILES["2025"], vehicles).holds == {"red": Hold("red", None)}
+    assert read_commands(cosim(1) | {"V1 CoSim": None}, PROFILES["2025"], vehicles).holds == {}
 
 
 def test_an_invalid_pose_is_refused() -> None:
@@ -409,7 +409,7 @@ def test_an_invalid_pose_is_refused() -> None:
         ({"PosY": "-1e5"}, "a position must be from -10000 to 10000 m"),
     ):
         message = read_commands(cosim(1, **pose), PROFILES["2025"], {"red": Command()})
-        assert message.holds == []
+        assert message.holds == {}
         assert message.refused[-1] == f"co-simulation of red: {error}"
 
 

@@ -71,7 +71,7 @@ ALLOWED = (
 
 @suggesting
 @dataclass(frozen=True)
-class RaceOptions(PageOptions):
+class RaceOptions:
     """Options of `autodrive.run.race` and of the command `autodrive race`."""
 
     track: str
@@ -107,6 +107,8 @@ class RaceOptions(PageOptions):
     """Whether camera images are rendered; otherwise scripts receive black images."""
     has_page: bool = True
     """Whether the page is served."""
+    page: PageOptions = PageOptions()  # noqa: RUF009  it is frozen
+    """Where the page is served, and to whom."""
 
     @property
     def names(self) -> list[str]:
@@ -345,10 +347,7 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
         record=options.record,
         is_lockstep=options.is_lockstep,
         has_page=options.has_page,
-        host=options.host,
-        port=options.port,
-        token=options.token,
-        allowed_origins=options.allowed_origins,
+        page=options.page,
     )
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReplayOptions(PageOptions):
+class ReplayOptions:
     """Options of `replay` and of the command `autodrive replay`."""
 
     speed: float = 1.0
@@ -44,6 +44,8 @@ class ReplayOptions(PageOptions):
     """Whether it waits for a viewer to play."""
     camera_quality: str = "auto"
     """Quality of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
+    page: PageOptions = PageOptions()  # noqa: RUF009  it is frozen
+    """Where the page is served, and to whom."""
 
 
 class Replay:
@@ -78,7 +80,7 @@ class Replay:
                 want_pictures=self.player.want_images,
                 renderer_factory=scene_renderer_factory(options.camera_quality),
             ),
-            options,
+            options.page,
             page=built_page(),
         )
 
