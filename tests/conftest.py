@@ -6,7 +6,7 @@ import gc
 import json
 import os
 import time
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,7 @@ ACCEPTED_SKIPS = ("no small file system can be mounted", "this processor has no 
 
 _refused: list[str] = []
 _failed: list[str] = []
-_group_seconds: Counter[str] = Counter()
+_group_seconds: defaultdict[str, float] = defaultdict(float)
 
 
 def group_of(file: str) -> str:
@@ -178,7 +178,8 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
         return
     if FAILED.parent.is_dir():
         FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {name}" for name in _refused))))
-        noted = {group: round(spent) for group, spent in _group_seconds.most_common() if spent >= LEAST_SECONDS}
+        slowest = sorted(_group_seconds.items(), key=lambda entry: -entry[1])
+        noted = {group: round(spent) for group, spent in slowest if spent >= LEAST_SECONDS}
         LAST_GROUP_SECONDS.write_text(json.dumps(noted, indent=1) + "\n")
     if _refused:
         session.exitstatus = pytest.ExitCode.INTERNAL_ERROR

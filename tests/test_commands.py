@@ -22,7 +22,7 @@ import typer
 from autodrive.cli.app import app
 from tests.support.command_line import call
 from tests.support.waiting import LIMIT
-from tests.test_documentation import DOCUMENTS, ROOT, blocks
+from tests.test_documentation import DOCUMENTS, ROOT
 
 NOT_RUN_HERE = {
     r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|pre-commit) ": "changes the machine or the environment",
@@ -58,7 +58,8 @@ LASTING = re.compile(r"autodrive (run (?!.*--duration)|race|play (?!.*--headless
 
 def commands(path: Path) -> list[str]:
     """The commands of a page, without comments."""
-    text = "\n".join(text.replace("\\\n", " ") for language, text in blocks(path) if language == "sh")
+    text = "\n".join(re.findall(r"^```sh\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
+    text = text.replace("\\\n", " ")
     lines = (line.partition(" #")[0].strip() for line in text.splitlines())
     return [line for line in lines if line and not line.startswith("#")]
 

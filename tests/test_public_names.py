@@ -116,7 +116,3 @@ def test_the_default_scenario_is_the_same_everywhere() -> None:
 
     of_make, of_command = (inspect.signature(called).parameters["scenario"].default for called in (autodrive.make, run))
     assert {of_make, of_command.default, RunOptions().scenario} == {DEFAULT}
-
-
-def test_types_are_shipped() -> None:
-    assert (Path(autodrive.__file__).parent / "py.typed").is_file()

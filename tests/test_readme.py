@@ -9,7 +9,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 
 from autodrive.cli.app import app
@@ -46,29 +45,6 @@ def test_the_commands_for_a_scenario_of_your_own_run(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "summary.json").read_text())["simulated_time"] == 10.0
 
 
-ELSEWHERE = {
-    "autodrive race practice --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
-    "autodrive run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
-    "python examples/client/1_lockstep.py": "tests/connect/client/test_document.py",
-    "python examples/python/6_simulate.py": "tests/connect/devkit/test_python_examples.py",
-    "python examples/python/7_gymnasium.py": "tests/experiments/envs/test_document.py",
-    "scripts/cpp": "scripts/test",
-    "scripts/ros1 roslaunch autodrive_ros simulator_bringup_headless.launch": "tests/connect/ros/test_ros1.py",
-    "scripts/ros2": "scripts/test",
-    "scripts/run": "tests/cli/test_cli.py",
-}
-"""Command in the table of interfaces -> the file that runs it."""
-
-
-def test_each_command_of_the_table_of_interfaces_is_run() -> None:
-    table = README.partition("## Which interface do I choose?")[2].partition("\n## ")[0]
-    commands = re.findall(r"`((?:scripts/|autodrive |python )[^`]+)`", table)
-    assert set(commands) == set(ELSEWHERE)
-    for command, file in ELSEWHERE.items():
-        program = next(word for word in reversed(command.split()) if not word.startswith("-"))
-        assert program.rpartition("/")[2] in (ROOT / file).read_text(encoding="utf-8"), command
-
-
 def test_the_page_on_the_command_line_lists_all_commands_and_options() -> None:
     commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
     assert set(re.findall(r"^\| `autodrive (\w+)", COMMAND_LINE, re.MULTILINE)) == set(commands)
@@ -85,10 +61,3 @@ def test_the_page_on_the_command_line_lists_all_commands_and_options() -> None:
     in_table = set(re.findall(r"--[\w-]+", " ".join(re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE))))
     run = commands["run"]
     assert in_table == {o for p in run.params for o in (*p.opts, *p.secondary_opts) if o.startswith("--")} - {"--help"}
-
-
-@pytest.mark.parametrize(
-    "path", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)|`((?:scripts|benchmarks)/[\w./-]+)", README)))
-)
-def test_each_reference_exists(path: tuple[str, str]) -> None:
-    assert (ROOT / (path[0] or path[1]).split(" ")[0]).exists()

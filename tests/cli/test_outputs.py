@@ -9,17 +9,13 @@ import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 import yaml
 
 import autodrive
 from autodrive import Command
-from autodrive.cli.app import app
 from autodrive.cli.options import MOST_NAMES
 from autodrive.recording import Recorder
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
@@ -70,14 +66,6 @@ GL_WRITERS = (
 """Likewise, with images."""
 FOLDERS = [f"export recording drive.mcap --to {form}" for form in ("csv", "autodrive", "rosbag2", "lerobot", "minari")]
 """Command lines that write a folder, which is never replaced."""
-WITHOUT_OUTPUT = {"compile", "list", "check", "weather", "doctor", "replay"}
-"""Commands that write no file."""
-OTHER_PATHS = {
-    "run --folder": "files are saved there from the page, which asks before it replaces one",
-    "run --recordings": "recordings of the page get a name with the time, and a number if it exists",
-    "list --folder": "is read",
-}
-"""Options that name a file or folder, and why the command itself writes nothing there."""
 
 
 @pytest.fixture(scope="module")
@@ -195,25 +183,3 @@ def test_on_a_terminal_the_user_is_asked(answer: str, code: int, content: bytes,
     assert b"the file exists: replace it?  (mine.yaml) [y/N]:" in os.read(ours, 65536)
     assert done.returncode == code
     assert file.read_bytes().startswith(content)
-
-
-def commands(group: Any, name: str = "autodrive") -> Iterator[tuple[str, Any]]:
-    """Words and command of each command of a group and its groups."""
-    for word, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, f"{name} {word}")
-        else:
-            yield f"{name} {word}", command
-
-
-def test_each_command_and_each_option_for_a_file_is_in_these_lists() -> None:
-    lines = [*WRITERS, *SLOW_WRITERS, *GL_WRITERS, *FOLDERS, shlex.join(campaign("a.yaml", folder=Path("results")))]
-    for name, command in commands(typer.main.get_command(app)):
-        _, words = name.split(" ", 1)
-        own = [shlex.split(line) for line in lines if line.startswith(f"{words} ")]
-        options = {option: parameter.opts for parameter in command.params for option in parameter.opts}
-        assert bool(own) == (words not in WITHOUT_OUTPUT) == ("--force" in options), f"{name}: does it write a file?"
-        help_text = call(*words.split(), "--help").stdout
-        for option in re.findall(r"(--[\w-]+) +(?:FILE|FOLDER|PATH)", help_text):
-            is_tested = any(set(options[option]) & set(line) for line in own)
-            assert is_tested or f"{words} {option}" in OTHER_PATHS, f"{name} {option}: does it write a file?"

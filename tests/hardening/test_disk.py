@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import functools
 import gc
 import itertools
@@ -25,7 +24,7 @@ import pytest
 import autodrive
 from autodrive import recording
 from autodrive.base import jit
-from autodrive.base.cache import PACKAGE, check_writable, write_file
+from autodrive.base.cache import check_writable, write_file
 from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.cli import generate, messages, preview
 from autodrive.experiments.campaigns import Campaign, ray_executor, run_campaign
@@ -112,61 +111,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "run/own_files.py": (lambda folder: UserFiles(folder).save("own", "title: Own", replaces=True), ("own.yaml",)),
 }
-"""Likewise, for what is not a command of `autodrive`."""
-CACHES = {"base/jit.py", "graphics/meshes/store.py"}
-"""They work without their files; see below."""
-OTHERS = {
-    "experiments/campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "base/code_snapshot.py": {"write_bytes"},  # in a temporary folder, like the next ones
-    "experiments/identification/windows.py": {"write_text"},
-    "experiments/policies/policy.py": {"savez"},  # into memory
-    "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
-    "base/turns.py": {"open"},  # a lock, without which both make the file
-    "connect/client/last_run.py": {"write_bytes"},  # a note, without which clients need the address
-    "cli/compiled.py": {"write_text"},  # into the folder of a wheel that is built
-    "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
-    "cli/app.py": {"open"},  # /dev/null, like the next one
-    "cli/stopping.py": {"open"},
-    "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one
-    "run/race.py": {"write_text", "open", "TemporaryFile"},  # what scripts print, while they run
-    "recording/exports/csv.py": {"open"},  # see below, like the next ones
-    "recording/exports/lerobot.py": {"open"},
-    "recording/exports/recorder_layout.py": {"open"},
-    "recording/exports/rerun_file.py": {"open"},
-    "recording/film/video.py": {"open"},
-}
-"""All other calls that can write, by module."""
-FUNCTIONS = {"write_file", "new_file", "growing_file", "write_cached"}
-"""Those of `cache.py`."""
-EXPORTS = {"recording/exports/lerobot.py", "recording/exports/recorder_layout.py"}
-WRITERS = {"write_text", "write_bytes", "mkstemp", "mkdtemp", "TemporaryFile", "NamedTemporaryFile", "savez", "tofile"}
-
-
-def writes(calls: Iterable[ast.Call]) -> set[str]:
-    """Names of those functions that may write a file."""
-    found = set()
-    for node in calls:
-        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-        values = [*node.args, *(keyword.value for keyword in node.keywords)]
-        texts = {value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)}
-        is_os = isinstance(node.func, ast.Attribute) and getattr(node.func.value, "id", "") == "os"
-        is_open = name == "open" and (is_os or any(set(text) & set("wax+") and len(text) <= 3 for text in texts))
-        if is_open or name in WRITERS:
-            found.add(name)
-    return found
-
-
-def test_every_place_that_writes_is_attacked_here() -> None:
-    writers, callers = {}, set()
-    for path in PACKAGE.rglob("*.py"):
-        name = path.relative_to(PACKAGE).as_posix()
-        calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
-        if found := writes(calls):
-            writers[name] = found
-        if FUNCTIONS & {call.func.id for call in calls if isinstance(call.func, ast.Name)}:
-            callers.add(name)
-    assert writers == OTHERS
-    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS
+"""What else writes a file for a user, by module, and files that it writes."""
 
 
 @functools.cache

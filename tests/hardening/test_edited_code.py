@@ -21,8 +21,6 @@ import autodrive
 from autodrive import Simulation
 from autodrive.base.code_snapshot import CodeSnapshot
 from autodrive.base.errors import AutodriveError
-from autodrive.base.jit import CACHE
-from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
@@ -30,8 +28,9 @@ from autodrive.experiments.campaigns.runs import CampaignProgress
 from autodrive.protocol.messages import AddBox, LoadScenario, Reset, SetSensor
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
+from autodrive.scenario.kinds import find
 from tests.support.command_line import call
-from tests.support.hardening import fill, make_read_only, mount_or_skip, small_disk
+from tests.support.hardening import fill, make_read_only, small_disk
 from tests.support.waiting import LIMIT
 
 DRIVER = """
@@ -433,32 +432,3 @@ def test_a_cache_that_cannot_be_used_is_one_warning(
         cache = RowCache(file)
         assert len(column(run_campaign(campaign, tmp_path / "out", workers=0, cache=cache), "run")) == 4
     assert caplog.text.count("results are not kept for other campaigns") == 1
-
-
-@pytest.mark.slow
-@pytest.mark.process
-@pytest.mark.parametrize("home", ["none", "cannot be made", "read-only"])
-def test_a_campaign_without_a_home_has_one_warning(tmp_path: Path, home: str) -> None:
-    """`none`: as a user who has neither HOME nor an entry in the user database, as in many containers."""
-    (tmp_path / "driver.py").write_text(driver("1"))
-    loaded(tmp_path, seeds=2)
-    kept = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
-    command = [Path(sys.executable).with_name("autodrive"), "campaign", "short.yaml", "--workers", "0"]
-    with contextlib.ExitStack() as stack:
-        if home == "none":
-            as_nobody = ["unshare", "--user", "--map-user=12345"]
-            mount_or_skip([*as_nobody, "true"])
-            command = [*as_nobody, *command]
-        elif home == "read-only":
-            kept["HOME"] = str(disk := stack.enter_context(small_disk(tmp_path)))
-            make_read_only(disk)
-        else:
-            kept["HOME"] = os.devnull + "/home"
-        environment = {**kept, "NUMBA_CACHE_DIR": str(CACHE.parent)}  # without it, there is one more warning
-        done = subprocess.run(
-            command, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=LIMIT
-        )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("results are not kept for other campaigns: ") == 1
-    assert "Traceback" not in done.stderr
-    assert len(parquet.read_table(tmp_path / "short_results" / "table.parquet")) == 2

@@ -1,19 +1,17 @@
 """Attacks on the YAML files: each is loaded and runs, or is refused with a `SpecError` that names file and line.
 
-AUTODRIVE_HARDENING=long mutates 10,000 files instead of some hundred.
+AUTODRIVE_HARDENING=long mutates 12,500 files instead of some hundred.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import re
-import shutil
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +21,18 @@ import yaml
 import autodrive
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
-from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, find, names, parse
+from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, parse
 from autodrive.cli.spec_files import SPECS, check
-from autodrive.graphics.meshes import store
-from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.camera.camera import MAX_PIXELS, CameraSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import Kind, find, names
 from autodrive.scenario.maps.map import MAX_EXTENT, load_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import Rectangle
 from autodrive.scenario.maps.solids import BlockSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, MAX_STATICS
 from autodrive.scenario.vehicles.spec import RigidBodySpec, VehicleSpec, WheelSpec
-from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.hardening import cases
 
@@ -54,11 +51,8 @@ def many(count: int, entry: str) -> str:
 LEVELS = "\n".join(f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 9)}]" for i in range(1, 10))
 TEXTS: dict[str, tuple[Kind, str, str]] = {
     "alias bomb": ("scenario", f"l0: &l0 [x, x]\n{LEVELS}\n", r"line 6\): a file must have at most 50000 keys"),
-    "alias inside its anchor": ("scenario", "boxes: &b {one: *b}\n", r"line 1\): the alias '\*b' is inside"),
-    "alias inside the anchor around its list": ("map", "title: &t [[*t]]\n", r"line 1\): the alias '\*t' is inside"),
+    "alias inside its anchor": ("scenario", "boxes: &b {a: *b}\n", r"line 1\): the alias '\*b' is inside"),
     "100,000 brackets": ("map", "title: " + "[" * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
-    "100,000 mappings": ("map", "{a: " * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
-    "100,000 dashes": ("map", "- " * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
     "deep by aliases": (
         "map",
         "l0: &l0 [x]\n" + "".join(f"l{i}: &l{i} [*l{i - 1}]\n" for i in range(1, 50)),
@@ -66,21 +60,14 @@ TEXTS: dict[str, tuple[Kind, str, str]] = {
     ),
     "many nodes": ("map", f"title: [{'1, ' * (MAX_NODES + 1)}]", r"line 1\): a file must have at most"),
     "integer tag": ("scenario", "map: plane\nseed: !!int x\n", r"line 2\): tags such as 'tag:yaml.org,2002:int'"),
-    "timestamp tag": ("scenario", "seed: !!timestamp x\n", r"line 1\): tags such as"),
-    "boolean tag": ("scenario", "seed: !!bool x\n", r"line 1\): tags such as"),
     "Python tag": ("scenario", "seed: !!python/object/apply:os.getpid []\n", r"line 1\): tags such as"),
     "5,000 digits": ("scenario", f"seed: {'9' * 5000}\n", r"line 1\): '9+\.\.\.' is not a number"),
-    "10,000 hexadecimal digits": ("scenario", f"seed: 0x{'f' * 9990}\n", r"line 1\): '0xf+\.\.\.' is not a number"),
-    "a prefix without digits": ("scenario", "map: plane\nseed: 0b_\n", r"line 2\): '0b_' is not a number"),
     "300 digits": ("scenario", f"seed: {'9' * 100}\n", r"seed \(line 1\): must be"),
     "a large number": ("scenario", "vehicles: {V1: {x: 1.0e+300}}\n", r"vehicles\.V1\.x \(line 1\): must be at most"),
     "a short substep": ("scenario", "substep: 1.0e-15\n", r"substep \(line 1\): must be at least 1e-05"),
     "a huge word": ("map", f"title: {'x' * 20_000}\n", r"line 1\): a key or value must have at most"),
-    "a list as a key": ("map", "title: a\n? [1, 2]\n: b\n", r"line 2\): .*unhashable key"),
     "a merge of a number": ("map", "title: a\n<<: 5\n", r"line 2\): .*mapping"),
-    "a null byte": ("map", "title: a\nnote: \0\n", r"line 2\): .*not allowed"),
     "5,000 vehicles": ("scenario", f"vehicles:\n{many(5000, '{}')}", r"vehicles \(line 1\): must have at most 100"),
-    "20,000 boxes": ("scenario", f"boxes: {{{'a: {x: 1, y: 1}, ' * 20_000}}}\n", r"line 1\): a file must have at most"),
     "6,000 boxes": ("scenario", f"boxes:\n{many(6000, '{x: 1, y: 1}')}", r"boxes \(line 1\): must have at most 1000"),
     "9,000 unknown keys": ("scenario", f"map: plane\n{many(9000, '1')}".replace("\n  ", "\n"), "and 8900 more errors"),
     "9,000 faulty vehicles": ("scenario", f"vehicles:\n{many(9000, '{x: far}')}", r"vehicles\.e0\.x \(line 2\)"),
@@ -107,31 +94,10 @@ TEXTS: dict[str, tuple[Kind, str, str]] = {
         "title: a\npaved:\n  - {shape: line, points: [[0, 0], [1000, 0]], width: 1, dash: 0.001, gap: 0.001}\n",
         r"paved \(line 2\): these shapes have 2000004 corners",
     ),
-    "dashes of a nanometre": (
-        "map",
-        "title: a\npaved:\n  - {shape: arc, radius: 1, start_deg: 0, end_deg: 9, width: 1, dash: 1.0e-9, gap: 1}\n",
-        r"paved 1\.arc\.dash \(line 3\): must be at least 0.001",
-    ),
-    "markup in a name": (
-        "map",
-        "title: a\nblocks:\n  - {name: '\"/>', x: 1, y: 1, length: 1, width: 1, height: 1}\n",
-        r"block 1\.name \(line 3\): must have letters",
-    ),
     "a block named ground": (
         "map",
         "title: a\nblocks:\n  - {name: ground, x: 1, y: 1, length: 1, width: 1, height: 1}\n",
         r"block 1 \(line 3\): the name 'ground' is reserved",
-    ),
-    "a name used twice": (
-        "map",
-        "title: a\nwalls:\n  - {points: [[0, 0], [1, 0]], height: 1}\n  - {points: [[3, 0], [4, 0]], height: 1}\n"
-        "blocks:\n  - {name: wall_1, x: 9, y: 1, length: 1, width: 1, height: 1}\n",
-        r"wall 2 \(line 4\): the name 'wall_1' is used by 3 solid objects; names must be unique",
-    ),
-    "a map of 9 km": (
-        "map",
-        "title: a\npaved:\n  - {shape: polygon, points: [[0, 0], [9000, 0], [0, 1]]}\n",
-        r"paved 1 \(line 3\): the map is 9000 m x 1 m; it must be at most 1000 m",
     ),
     "a block far from the map": (
         "map",
@@ -139,8 +105,6 @@ TEXTS: dict[str, tuple[Kind, str, str]] = {
         "  - {x: -9000, y: 0, length: 1, width: 1, height: 1}\n  - {x: 0, y: 0, length: 1, width: 1, height: 1}\n",
         r"block 1 \(line 5\): the map is 9002 m x ",
     ),
-    "a key that is true": ("scenario", "title: a\ntrue: 1\n", r"true \(line 2\): 'true' is not a known key"),
-    "a text that is no mapping": ("map", "- a\n- b\n", r"line 1: expected 'key: value' lines"),
     "a lane that is almost straight": (
         "module",
         "title: a\ntype: road\nlength: 1\nwidth: 1\nports:\n"
@@ -245,7 +209,7 @@ def test_anchors_aliases_and_merges_of_a_plain_file_work(tmp_path: Path) -> None
     path = tmp_path / "merged.yaml"
     path.write_text("vehicles:\n  V1: &car {type: nigel, x: 1.0}\n  V2: {<<: *car, x: 2.0}\n  V3: {<<: *car, y: 3}\n")
     vehicles = autodrive.make(path).spec.vehicles
-    assert [(one.x, one.y) for one in vehicles.values()] == [(1.0, 0.0), (2.0, 0.0), (1.0, 3.0)]
+    assert [(car.x, car.y) for car in vehicles.values()] == [(1.0, 0.0), (2.0, 0.0), (1.0, 3.0)]
 
 
 @pytest.mark.parametrize(
@@ -347,20 +311,8 @@ def test_the_documentation_has_the_limits_of_the_code() -> None:
 
 # -- mutated files ---------------------------------------------------------------------------------------------
 
-VALUES = (
-    """
-null|true|text|''|[]|{}|[1]|[1, 2, 3]|[[0, 0], [0, 0]]|{a: 1}|{1: 2}|-1|0|1|2|5|1e9|1e-9|1.0e+9|1.0e-9
-1.0e+300|-1.0e+300|1.0e-300|.inf|-.inf|.nan|0x10|0b_|0o7|1:2:3|1_000|12345678901234567890|9007199254740993
--0.0|0.1|0.5|90|180|359.999|1000|50|2001-13-45|2001-01-01|2001-01-01 25:61:61|!!int x|!!float x|!!str 5
-!!binary x|!!set {a}|!!python/name:os.system|! x|&a x|&b [*b]|*nothing|&c {<<: *c}|"\\0"|"\\ud800"
-"\\U0001F600"|'"<&>'|world|ground|V1|nigel|plane|mini_map|lawn|straight_road|construction_box|/dev/zero
-/dev/zero.yaml|..|.|../../x.yaml|/etc/passwd|nigel.yaml|"x.yaml\\0"|é|a b|a/b|%|'@x'|realistic|ideal|strong
-rectangle|polygon|arc|ultrasound|torque|vertical|sensor|east|west|stop|?|- -|}|]|"|{<<: 5}|{<<: [{x: 1}]}|=|<<
-""".replace("\n", "|")
-    .strip("|")
-    .split("|")
-)
-VALUES += ["[" * 200 + "]" * 200, "9" * 5000, "x" * 3000, f"[{'1, ' * 3000}]", "a" * 300 + ".yaml"]
+HOSTILE = (None, True, "text", "", [], {}, [[0, 0], [0, 0]], {1: 2}, -1, 0, 1e-9, 1e300, math.inf, math.nan, 2**63)
+HOSTILE += ("world", "nigel", "/dev/zero.yaml", "../x.yaml", "\0", "\U0001f600", "2001-13-45", "x" * 3000)
 
 Place = tuple[Any, Any]
 """A list or mapping, and an index or key of it."""
@@ -374,191 +326,62 @@ def places(tree: Any) -> Iterator[Place]:
             yield from places(tree[key])
 
 
-class Mutator:
-    """Makes mutated texts of one kind of file; the same number gives the same text.
-
-    With the C code of YAML: a track has thousands of points, for which the Python code needs a second.
-    """
-
-    def __init__(self, kind: Kind) -> None:
-        self.trees = [yaml.load(find(kind, name).read_text(), yaml.CSafeLoader) for name in names(kind)]
-        self.texts = [find(kind, name).read_bytes() for name in names(kind)]
-
-    def mutated(self, number: int) -> bytes:
-        rng = random.Random(number)
-        if rng.random() < 0.2:
-            return self._bytes(rng)
-        tree = deepcopy(rng.choice(self.trees))
-        raw: dict[str, str] = {}
-        for _ in range(rng.choice([1, 1, 1, 2, 3])):
-            self._change(rng, tree, raw)
-        text = yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False, default_flow_style=rng.choice([None, False]))
-        for mark, value in raw.items():
-            text = text.replace(mark, value)
-        return text.encode()
-
-    def _bytes(self, rng: random.Random) -> bytes:
-        data = bytearray(rng.choice(self.texts))
-        for _ in range(rng.choice([1, 1, 2, 5])):
-            at, length = rng.randrange(len(data)), rng.choice([1, 2, 10, 100])
-            match rng.randrange(4):
-                case 0:
-                    data[at] ^= 1 << rng.randrange(8)
-                case 1:
-                    del data[at : at + length]
-                case 2:
-                    data[at:at] = data[at : at + length] * rng.choice([1, 2, 500])
-                case 3:
-                    data[at:at] = rng.randbytes(length)
-        return bytes(data) or b"#"
-
-    def _change(self, rng: random.Random, tree: Any, raw: dict[str, str]) -> None:
-        found = list(places(tree))
-        if not found:
-            return
-        of, key = rng.choice(found)
-        value = of[key]
-        mark = f"MARK{len(raw)}X"
-        match rng.randrange(8):
-            case 0 | 1:
-                raw[mark] = rng.choice(VALUES)
-                of[key] = mark
-            case 2 | 3:
-                if isinstance(value, int | float):
-                    factor = rng.choice([-1, 0, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 1.001, 2, 10, 1e3, 1e6, 1e12, 1e300])
-                    of[key] = rng.choice([value * factor, int(value), value + rng.choice([-1, 1, 100])])
-                else:
-                    other, place = rng.choice(found)
-                    of[key] = other[place] if not isinstance(other[place], dict | list) else mark
-                    raw[mark] = "7"
-            case 4:
-                del of[key]
-            case 5:
-                count = rng.choice([1, 1, 3, 30, 300, 3000])
-                if isinstance(of, list):
-                    of[key:key] = [value] * count
-                else:
-                    of.update({f"{key}_{i}": value for i in range(count)})
-            case 6:
-                other, place = rng.choice(found)
-                if not isinstance(value, dict | list) and not isinstance(other[place], dict | list):
-                    of[key], other[place] = other[place], value
-            case 7:
-                if isinstance(of, dict):
-                    raw[mark] = rng.choice(VALUES)
-                    of[mark] = of.pop(key)
+def mutated(tree: Any, rng: random.Random) -> str:
+    """The text of a tree in which values are replaced, scaled, removed or repeated."""
+    tree = deepcopy(tree)
+    for _ in range(rng.choice([1, 1, 2, 3])):
+        if not (choices := list(places(tree))):
+            break
+        parent, key = rng.choice(choices)
+        match rng.randrange(4):
+            case 0:
+                del parent[key]
+            case 1 if isinstance(parent[key], int | float):
+                parent[key] *= rng.choice([-1, 0, 1e-6, 0.1, 1.001, 10, 1e6, 1e12])
+            case 2 if isinstance(parent, list):
+                parent[key:key] = [parent[key]] * rng.choice([1, 30, 3000])
+            case _:
+                parent[key] = rng.choice(HOSTILE)
+    return yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False)
 
 
-mutator = cache(Mutator)
-"""The mutator of a kind of file, which reads its files once."""
+def make_with(kind: Kind, path: Path) -> None:
+    """Compile a scenario that uses that file."""
+    match kind:
+        case "scenario":
+            autodrive.make(path)
+        case "vehicle":
+            autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}))
+        case "ruleset":
+            cars = {"V1": VehiclePlacement(type="roboracer")}
+            autodrive.make(ScenarioSpec(map="practice", race=RaceSpec(rules=str(path)), vehicles=cars))
+        case "map":
+            load_map(path)
 
 
-def made(kind: Kind, path: Path, *, cameras: bool = False) -> World:
-    """The World of a scenario that uses that file."""
-    if kind == "scenario":
-        return autodrive.make(path, cameras=cameras)
-    if kind == "vehicle":
-        return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}), cameras=cameras)
-    if kind == "ruleset":
-        race, cars = RaceSpec(rules=str(path)), {"V1": VehiclePlacement(type="roboracer")}
-        return autodrive.make(ScenarioSpec(map="practice", race=race, vehicles=cars), cameras=cameras)
-    if kind == "module":
-        of_module = path.with_name(f"of_{path.name}")
-        of_module.write_text(f"title: a\nplacements: [{{module: {path}, x: 0, y: 0, open: true}}]\n")
-        path = of_module
-    x0, _, x1, y1 = load_map(path).bounds
-    beside = VehiclePlacement(x=x0 - 5.0 if x1 > 9000.0 else x1 + 5.0, y=max(-1e4, min(1e4, y1)))
-    return autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": beside}), cameras=cameras)
-
-
-WITHOUT_LINE = (
+WITH_ITS_PLACE = (
+    r"line \d",
     r"^(map '\w+': )?\w+: is required$",  # a key of the file itself, which the file does not have
     r"^(map '\w+': )?and \d+ more (errors|overlaps)",
     r"the springs and dampers of '.*\.yaml' are unstable with a substep",  # of a scenario made in Python
 )
 
 
-def problem(kind: Kind, path: Path) -> str | None:
-    """What is wrong with how that file is treated; empty if it runs, None if it is refused as it should be."""
-    start = time.process_time()
-    try:
-        check(str(path), kind)
-        made(kind, path)
-    except SpecError as error:
-        if not error.path or path.name not in str(error):
-            return f"no file in: {error}"
-        unplaced = [one for one in error.errors if "line " not in one]
-        wrong = [one for one in unplaced if not any(re.search(allowed, one) for allowed in WITHOUT_LINE)]
-        if wrong:
-            return f"no line in: {wrong[0]}"
-        return f"took {took:.1f} s" if (took := time.process_time() - start) > CPU_LIMIT else None
-    except Exception:
-        return traceback.format_exc(limit=-3)
-    took = time.process_time() - start
-    return f"took {took:.1f} s" if took > CPU_LIMIT else ""
-
-
 @pytest.mark.parametrize("kind", SPECS)
 def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: Path) -> None:
-    autodrive.make("mini_map").step()  # compiles
-    problems: dict[int, str] = {}
-    times: dict[int, float] = {}
-    refusals = 0
-    for number in range(cases(80, 2500)):
+    trees = [yaml.load(find(kind, name).read_text(), yaml.CSafeLoader) for name in names(kind)]
+    rng, wrong, refusals, count = random.Random(kind), list[str](), 0, cases(40, 2500)
+    for number in range(count):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
-        path.write_bytes(mutator(kind).mutated(number))
-        start = time.process_time()
-        text = problem(kind, path)
-        refusals += text is None
-        if text:
-            problems[number] = text
-        times[number] = time.process_time() - start
-        path.unlink()
-    slowest = {number: round(times[number], 1) for number in sorted(times, key=times.__getitem__)[:-6:-1]}
-    print(f"{len(times)} files, {sum(times.values()):.0f} s; the slowest [s]: {slowest}")
-    assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
-    assert 0 < refusals < len(times)
-
-
-WITH_CAMERAS: dict[Kind, int] = cases(
-    {"scenario": 1, "vehicle": 1, "map": 1, "module": 1}, {"scenario": 500, "vehicle": 200, "map": 100, "module": 100}
-)
-"""Valid mutated files, by kind."""
-
-
-@pytest.fixture(scope="module")
-def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache of meshes for these tests, which begins with the user's files: only what is mutated is built."""
-    world = autodrive.make("mini_map", cameras=True)  # builds what is not there
-    world.close()
-    return Path(shutil.copytree(store.folder(), tmp_path_factory.mktemp("meshes") / "cache", copy_function=os.link))
-
-
-@pytest.mark.parametrize("kind", WITH_CAMERAS)
-def test_a_mutated_file_that_is_valid_can_be_drawn(
-    kind: Kind, tmp_path: Path, gl: str, meshes: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(store, "folder", lambda: meshes)
-    problems: dict[int, str] = {}
-    wanted = WITH_CAMERAS[kind]
-    drawn, tried, slowest = 0, 0, 0.0
-    while drawn < wanted and tried < 100 * wanted:
-        number = 10_000 + tried
-        tried += 1
-        path = tmp_path / f"f{number}.yaml"
-        path.write_bytes(mutator(kind).mutated(number))
+        path.write_text(mutated(rng.choice(trees), rng))
         start = time.process_time()
         try:
             check(str(path), kind)
-            world = made(kind, path, cameras=True)
-        except SpecError:
-            continue
-        except Exception:
-            problems[number] = traceback.format_exc(limit=-3)
-            continue
-        world.step()
-        world.close()
-        drawn, slowest = drawn + 1, max(slowest, time.process_time() - start)
-    print(f"{drawn} of {tried} were drawn, the slowest in {slowest:.1f} s of processor time")
-    assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
-    assert drawn == wanted
+            make_with(kind, path)
+        except SpecError as error:
+            refusals += 1
+            wrong += [] if path.name in str(error) else [str(error)]
+            wrong += [text for text in error.errors if not any(re.search(allowed, text) for allowed in WITH_ITS_PLACE)]
+        assert time.process_time() - start < CPU_LIMIT
+    assert wrong == []
+    assert 0 < refusals < count

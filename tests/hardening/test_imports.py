@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
-import random
 import re
-import shutil
 import struct
 import zipfile
 import zlib
@@ -19,20 +16,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import autodrive
-from autodrive import Command
-from autodrive.base.errors import AutodriveError, SpecError
+from autodrive.base.errors import SpecError
 from autodrive.base.png import encode_png
-from autodrive.experiments.campaigns import Campaign
 from autodrive.experiments.policies import Policy
-from autodrive.recording import Recorder
-from autodrive.recording.replay.tape import Tape
-from autodrive.scenario.tracks.importer import import_track
 from tests.support.command_line import python
-from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
-
-CAMPAIGN = Path(__file__).parents[2] / "examples" / "campaign" / "start_pose.yaml"
 
 # -- tracks ---------------------------------------------------------------------------------------------------------
 
@@ -70,29 +58,11 @@ def specks() -> bytes:
     return encode_png(image)
 
 
-def nested() -> bytes:
-    """Twenty rings around each other."""
-    y, x = np.ogrid[-1.0:1.0:1500j, -1.0:1.0:1500j]
-    return encode_png(((np.hypot(x, y) * 40.0).astype(np.uint8) % 2 * 254).astype(np.uint8))
-
-
 def islands() -> bytes:
     """A track with about 3,000 dark pixels on it."""
     image = ring(1500, 1500)
     image[4::10, 4::10] = 0
     return encode_png(image)
-
-
-def of_16_bits() -> bytes:
-    image = ring(LARGE, LARGE, step=4).astype(">u2") * 257
-    rows = np.zeros((LARGE, 1 + 2 * LARGE), np.uint8)
-    rows[:, 1:] = image.view(np.uint8)
-    return png(LARGE, LARGE, 16, 0, rows.tobytes())
-
-
-def as_text() -> bytes:
-    rows = [" ".join(map(str, row)) for row in ring(LARGE // 4, LARGE // 4, step=4).repeat(4, 1)[::4].tolist()]
-    return f"P2\n{LARGE} {LARGE}\n255\n".encode() + "\n".join(row for row in rows for _ in range(16)).encode()
 
 
 MAPS: dict[str, tuple[float, Callable[[], bytes], str]] = {
@@ -102,13 +72,11 @@ MAPS: dict[str, tuple[float, Callable[[], bytes], str]] = {
         lambda: encode_png(ring(500, 500)),
         r"resolution \(line 2\): must be at most 1, not 10",
     ),
-    "a large resolution": (1.0, lambda: encode_png(ring(500, 500)), ""),
     "an image one pixel wide": (
         0.05,
         lambda: png(1, 2**24, 8, 0, bytes(2**25)),
         "1 x 16777216 pixels; .* save it smaller",
     ),
-    "rings in rings": (0.05, nested, ""),
     "islands": (0.05, islands, r"\d+ separate walls; a track has at most 1000: remove the specks"),
     "a checkerboard": (0.05, checkerboard, r"\d+ pixels at borders .* remove the noise"),
     "specks": (0.05, specks, r"\d+ separate free or occupied areas; .* remove the noise"),
@@ -120,8 +88,6 @@ MAPS: dict[str, tuple[float, Callable[[], bytes], str]] = {
     ),
     "more data than pixels": (0.05, lambda: png(10, 10, 8, 0, bytes(10**9)), "no free area that is a ring"),
     "the largest image": (0.005, lambda: encode_png(ring(LARGE, LARGE, step=4)), ""),
-    "the largest image with 16 bits": (0.005, of_16_bits, ""),
-    "the largest image as text": (0.005, as_text, ""),
 }
 """Resolution [m], image, and the error; '' if it is read."""
 
@@ -148,9 +114,8 @@ for number, path in enumerate(sys.argv[1:]):
 def test_a_hostile_map_is_imported_or_refused_in_little_time_and_memory(tmp_path: Path) -> None:
     paths = []
     for number, (resolution, image, _) in enumerate([(0.05, lambda: encode_png(ring(200, 200)), ""), *MAPS.values()]):
-        data = image()
-        name = f"map_{number}.{'pgm' if data.startswith(b'P') else 'png'}"
-        (tmp_path / name).write_bytes(data)
+        name = f"map_{number}.png"
+        (tmp_path / name).write_bytes(image())
         paths.append(tmp_path / f"map_{number}.yaml")
         paths[-1].write_text(f"image: {name}\nresolution: {resolution:.1e}\norigin: [0.0, 0.0, 0.0]\n")
     lines = python("-c", PROGRAM, *paths, limit=4.0 * LIMIT).splitlines()
@@ -195,22 +160,10 @@ def about(text: str) -> bytes:
     return policy(about=np.array(text))
 
 
-def with_method(data: bytes, method: int, flags: int = 0) -> bytes:
-    """The archive with another compression method and other flags of all members."""
-    changed = bytearray(data)
-    for mark, at in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        place = changed.find(mark)
-        while place >= 0:
-            struct.pack_into("<HH", changed, place + at, flags, method)
-            place = changed.find(mark, place + 4)
-    return bytes(changed)
-
-
 HUGE = "{'descr': '<f8', 'fortran_order': False, 'shape': (%s,), }"
 POLICIES: dict[str, Callable[[], bytes]] = {
     "an array of 4 TB": lambda: policy(weight_0=npy(HUGE % 2**39)),
     "an array of 10^300 numbers": lambda: policy(weight_0=npy(HUGE % 10**300)),
-    "an array of negative size": lambda: policy(weight_0=npy(HUGE % -5)),
     "a header of 100,000 brackets": lambda: policy(weight_0=npy("(" * 60_000)),
     "a header that is no dictionary": lambda: policy(weight_0=npy("1")),
     "100 MB of zeros in 100 kB": lambda: policy(zeros=bytes(100 * 2**20)),
@@ -219,18 +172,9 @@ POLICIES: dict[str, Callable[[], bytes]] = {
     ),
     "complex numbers": lambda: policy(weight_0=np.ones((2, 1), complex)),
     "infinite numbers": lambda: policy(weight_0=np.full((2, 1), 1e300)),
-    "text for numbers": lambda: policy(weight_0=np.array([["1.0"], ["2.0"]])),
-    "dates for numbers": lambda: policy(weight_0=np.zeros((2, 1), "M8[s]")),
     "deep JSON": lambda: about("[" * 100_000),
-    "deep JSON in a key": lambda: about(json.dumps(ABOUT)[:-1] + ', "x": ' + '{"a": ' * 50_000),
     "a scale of 10^400": lambda: about(json.dumps({**ABOUT, "scale": [10**400]})),
-    "an infinite scale": lambda: about(json.dumps({**ABOUT, "scale": [float("inf")]})),
     "a list": lambda: about("[]"),
-    "a number": lambda: about("1"),
-    "a throttle of nan": lambda: about(json.dumps({**ABOUT, "throttle": [float("nan"), 1.0]})),
-    "an unknown compression": lambda: with_method(policy(), 99),
-    "a password": lambda: with_method(policy(), 8, flags=1),
-    "LZMA that is none": lambda: with_method(policy(), 14),
 }
 
 
@@ -242,55 +186,3 @@ def test_a_hostile_policy_is_refused_in_one_line(attack: str, tmp_path: Path) ->
         Policy.load(file)
     assert "\n" not in str(error.value)
     assert len(str(error.value)) < 1000
-
-
-# -- changed bytes ----------------------------------------------------------------------------------------------------
-
-
-def recorded(file: Path) -> None:
-    world = autodrive.make("plane")
-    with Recorder(file, world, has_meshes=False):
-        for _ in range(30):
-            world.step({"V1": Command(0.5)})
-
-
-def replayed(file: Path) -> None:
-    """All that the page shows of a recording."""
-    with Tape(file) as tape:
-        for time in (0.0, 0.1, 0.2, 0.3, 1.0):
-            tape.frame_at(time)
-            tape.scenario_at(time)
-
-
-KINDS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object], int]] = {
-    "policy.npz": (lambda file: file.write_bytes(policy()), Policy.load, 100),
-    "replay.mcap": (recorded, replayed, 20),
-    "campaign.yaml": (lambda file: shutil.copy(CAMPAIGN, file), Campaign.load, 10),
-    "track.png": (
-        lambda file: (
-            file.write_bytes(encode_png(ring(100, 100))),
-            file.with_suffix(".yaml").write_text("image: track.png\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"),
-        ),
-        lambda file: import_track(file.with_suffix(".yaml")),
-        5,
-    ),
-}
-"""How a file is made and read, and how often in a case."""
-
-
-@pytest.mark.parametrize("seed", range(cases(3, 100)))
-@pytest.mark.parametrize("name", KINDS)
-def test_a_file_with_changed_bytes_is_read_or_refused(name: str, seed: int, tmp_path: Path) -> None:
-    """Of a policy and a recording also the directory, headers, compressed data and checksums."""
-    rng = random.Random(seed)
-    file = tmp_path / name
-    make, read, times = KINDS[name]
-    make(file)
-    whole = file.read_bytes()
-    for _ in range(times):
-        data = bytearray(whole)
-        for _ in range(rng.randrange(1, 4)):
-            data[rng.randrange(len(data))] = rng.randrange(256)
-        file.write_bytes(data)
-        with contextlib.suppress(AutodriveError):
-            read(file)

@@ -16,8 +16,6 @@ from autodrive.experiments.network_process import NetworkError, NetworkProcess
 from autodrive.experiments.policies.foreign import ForeignPolicy
 
 FLOAT, INT64, BOOL = TensorProto.FLOAT, TensorProto.INT64, TensorProto.BOOL
-MEBIBYTE = 2**20
-
 pytestmark = pytest.mark.process
 
 

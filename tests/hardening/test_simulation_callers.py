@@ -7,7 +7,6 @@ fresh one that was given the accepted calls alone. With test_callers.py AUTODRIV
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +26,7 @@ from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import Snapshot, World
 from autodrive.world.simulation import Simulation
 from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS, Caller, attack
-from tests.support.cars import car_file, small_images
+from tests.support.cars import car_file
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
 
@@ -108,9 +107,6 @@ class Running(NamedTuple):
         self.simulation.world.close()
 
 
-Call = Callable[[Running], object]
-
-
 class Operator(Caller):
     """Requests and calls of a Simulation."""
 
@@ -169,30 +165,6 @@ class Operator(Caller):
 def test_any_calls_in_any_order(tmp_path: Path) -> None:
     Operator.car, Operator.has_cameras = car_file(tmp_path, {}), False
     attack(Operator, EXAMPLES)
-
-
-def test_any_calls_in_any_order_with_cameras(tmp_path: Path, gl: str) -> None:
-    Operator.car, Operator.has_cameras = car_file(tmp_path, small_images(48, 36)), True
-    attack(Operator, WITH_CAMERAS)
-
-
-@pytest.mark.parametrize(
-    ("request_", "expected"),
-    [
-        (None, "a request must be an Operation, such as Reset()"),
-        (messages.Teleport("V1", "far", 0.0), "x of Teleport: expected float, got str"),  # type: ignore[arg-type]
-        (messages.Place([], 0.0, 0.0), "name of Place: expected str, got array"),  # type: ignore[arg-type]
-        (messages.Step(1, {"V1": 3}), r"commands\[...\] of Step: expected object, got int"),  # type: ignore[dict-item]
-        (messages.LoadScenario(b"V1"), "name of LoadScenario: expected str, got bytes"),  # type: ignore[arg-type]
-        (messages.Reset(object()), "a Reset has a value of a wrong type"),  # type: ignore[arg-type]
-    ],
-)
-def test_a_request_of_wrong_types_is_refused_at_once_and_the_run_goes_on(request_: Any, expected: str) -> None:
-    with Simulation(autodrive.make("plane"), is_paused=True, load=autodrive.make) as simulation:
-        with pytest.raises(autodrive.CommandError, match=expected):
-            simulation.request(request_)
-        frame: Frame = simulation.request(messages.Step(3)).result(LIMIT)
-    assert frame.tick == 3
 
 
 def test_a_request_that_fails_unexpectedly_is_logged_and_the_run_goes_on(caplog: pytest.LogCaptureFixture) -> None:

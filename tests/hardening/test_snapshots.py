@@ -16,7 +16,6 @@ from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
-from tests.support.cars import car_file
 from tests.support.command_line import python
 from tests.support.frames import digest, digests
 from tests.world.test_world import arrays
@@ -89,20 +88,6 @@ def test_what_is_no_snapshot_is_refused_and_nothing_has_changed() -> None:
         with pytest.raises(SnapshotError):
             world.restore(one)
     assert digests(world, 30, drive) == digests(other, 30, drive)
-
-
-@pytest.mark.parametrize("is_rolling", [False, True])
-def test_noisy_sensors_have_the_same_future_within_a_scan(tmp_path: Path, is_rolling: bool) -> None:
-    changes = {"lidar.rays": 90, "lidar.rate": 40.0, "lidar.is_rolling": is_rolling}
-    changes |= {"lidar.noise": "realistic", "imu.noise": "realistic"}
-    car = car_file(tmp_path, {f"sensors.{name}": value for name, value in changes.items()})
-    world = autodrive.make(changed(SPEC, vehicles={"V1": VehiclePlacement(type=car)}))
-    digests(world, 33, drive)
-    saved = world.save()
-    first = digests(world, 40, drive)
-    world.reset(99)
-    assert world.restore(saved) is saved.frame
-    assert digests(world, 40, drive) == first
 
 
 def test_a_world_with_cameras_refuses_a_snapshot_without(gl: str) -> None:

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-import pytest
-
-from autodrive.protocol.messages import Headlights, Indicators
 from tests.support.page import NewTab, PageServer, Tab
-from tests.support.proxy import proxy
 
 if TYPE_CHECKING:
     from playwright.sync_api import Route
@@ -40,43 +34,11 @@ def test_held_keys_drive_and_steer_the_vehicle(plane: PageServer, tab: Tab) -> N
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
 
 
-def test_lamps_are_switched_while_driving_and_stay_on(plane: PageServer, tab: Tab) -> None:
-    keyboard = tab.page.keyboard
-    keyboard.down("w")
-    tab.wait_until(lambda: plane.vehicle.throttle == pytest.approx(1))
-    keyboard.press("g")
-    tab.wait_until(lambda: plane.vehicle.lights.headlights == Headlights.LOW)
-    keyboard.press("l")
-    tab.wait_until(lambda: plane.vehicle.lights.indicators == Indicators.LEFT)
-    tick = plane.frame.tick
-    tab.wait_until(lambda: plane.frame.tick > tick + 30)
-    lights = plane.vehicle.lights
-    assert (lights.headlights, lights.indicators) == (Headlights.LOW, Indicators.LEFT)
-    keyboard.up("w")
-
-
 def test_the_vehicle_stops_when_the_page_loses_the_focus(plane: PageServer, tab: Tab) -> None:
     tab.page.keyboard.down("w")
     tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
     tab.page.evaluate("() => window.dispatchEvent(new Event('blur'))")
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
-    tab.page.keyboard.up("w")
-
-
-def test_keys_typed_in_a_field_do_not_drive(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.get("ip").fill("")
-    tab.page.keyboard.type("wasdwrlgh")
-    assert tab.get("ip").input_value() == "wasdwrlgh"
-    tick = plane.frame.tick
-    tab.wait_until(lambda: plane.frame.tick > tick + 20)
-    assert plane.vehicle.throttle == 0
-    assert np.linalg.norm(plane.vehicle.pose.position[:2]) < 0.01
-    lights = plane.vehicle.lights
-    assert (lights.headlights, lights.indicators) == (Headlights.OFF, Indicators.OFF)
-    tab.page.keyboard.press("Escape")  # leaves the field
-    tab.page.keyboard.down("w")
-    tab.wait_until(lambda: plane.vehicle.throttle > 0)
     tab.page.keyboard.up("w")
 
 
@@ -96,32 +58,6 @@ def test_one_of_two_pages_drives_until_it_is_closed(plane: PageServer, new_tab: 
     second.page.keyboard.down("w")
     second.wait_until(lambda: second.value("store.status.value.drivers") != {} and plane.vehicle.throttle > 0)
     second.page.keyboard.up("w")
-
-
-def test_keys_end_where_a_native_menu_takes_them(plane: PageServer, tab: Tab) -> None:
-    def right_click_on_the_toolbar() -> None:
-        tab.get("menu-button").click(button="right")
-
-    def right_click_in_the_view() -> None:
-        tab.page.locator("#scene").click(button="right")
-
-    keyboard = tab.page.keyboard
-    tab.page.evaluate("() => addEventListener('contextmenu', (event) => { window.prevented = event.defaultPrevented })")
-    menus = [
-        right_click_on_the_toolbar,
-        right_click_in_the_view,
-        lambda: keyboard.press("F10"),
-        lambda: keyboard.press("Alt"),
-    ]
-    for opens_menu in menus:
-        keyboard.down("w")
-        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
-        opens_menu()
-        tab.wait_until(lambda: plane.vehicle.throttle == 0)
-        keyboard.up("w")
-    right_click_in_the_view()
-    assert tab.page.evaluate("() => window.prevented")  # no menu opens there
-    keyboard.press("Escape")
 
 
 BUSY = """
@@ -155,28 +91,3 @@ def test_a_page_that_hangs_does_not_drive_on(plane: PageServer, new_tab: NewTab)
     tab.wait_until(lambda: plane.vehicle.throttle > 0)  # the key is still held
     tab.page.keyboard.up("w")
     tab.wait_until(lambda: plane.vehicle.throttle == 0)
-
-
-def test_a_connection_without_data_is_shown_and_its_requests_are_not_carried_out_later(
-    plane: PageServer, new_tab: NewTab
-) -> None:
-    with proxy(plane.server.port) as held:
-        tab = new_tab(size=(320, 240)).open(held.url + "?quality=low")
-        tab.page.keyboard.down("w")
-        tab.wait_until(lambda: plane.vehicle.throttle > 0.5)
-        held.hold()
-        tab.page.keyboard.press("p")
-        tab.wait_until(lambda: plane.vehicle.throttle == 0)
-        tab.wait_for_text("banner", "No data has come from the simulator")
-        assert "The image and the HUD are those of" in tab.text("banner")
-        tab.wait_for_notice("No answer for 5 s; the request is not carried out")
-        tab.page.keyboard.up("w")
-        time = plane.frame.time
-        held.release()
-        tab.wait_until(lambda: tab.value("store.link.value === 'open' && store.frame.value.time") > time)
-        while plane.frame.scene_light:  # lost if the page has just begun a new connection
-            tab.page.keyboard.press("b")  # answered after the request that came late
-            with contextlib.suppress(AssertionError):
-                tab.wait_until(lambda: not plane.frame.scene_light, timeout=6.0)
-        assert not plane.simulation.is_paused
-        assert plane.vehicle.throttle == 0

@@ -9,12 +9,11 @@ import pytest
 
 import autodrive
 from autodrive.base.transforms import euler_from_quaternion
-from autodrive.protocol.messages import Pause, Resume, SetSceneLight, Step
-from tests.page.test_access import wrong_targets
+from autodrive.protocol.messages import SetSceneLight
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
+from tests.page.test_screens import SHOW_CARDS
 from tests.support.command_line import call
-from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
+from tests.support.page import NewTab, PageServer, Tab, overlap, touch
 
 
 def opened(server: PageServer, new_tab: NewTab, *, touch: bool = False) -> Tab:
@@ -120,79 +119,6 @@ def test_the_saved_file_passes_the_check_and_starts_as_the_edited_scenario(
     assert start.objects["box_1"].pose.position == pytest.approx(there, abs=1e-3)
 
 
-def test_a_place_outside_the_walls_is_shown_with_a_warning_and_a_refused_one_leaves_no_wrong_number(
-    mini_map: PageServer, new_tab: NewTab
-) -> None:
-    editing = opened(mini_map, new_tab)
-    x = editing.get("edit-x")
-    x.fill("50")
-    editing.page.keyboard.press("Enter")
-    editing.wait_for_notice("V1 at (50, 0) is outside the walls of map 'mini_map'")
-    editing.wait_until(lambda: mini_map.vehicle.pose.position[0] == pytest.approx(50.0, abs=0.01))
-
-    def is_seen(x: float, y: float) -> bool:
-        at = on_screen(editing, x, y)
-        return bool(at) and 340 < at[0] < 900 and 60 < at[1] < 480
-
-    editing.wait_until(lambda: is_seen(50.0, 0.0))
-    editing.get("edit-selection").select_option("barrier_1")
-    editing.wait_until(lambda: editing.value("store.selection.value") == "barrier_1")
-    barrier = mini_map.frame.objects["barrier_1"].pose.position
-    editing.wait_until(lambda: is_seen(barrier[0], barrier[1]))
-    # also in the field that has the focus
-    editing.wait_until(lambda: float(x.input_value()) == pytest.approx(barrier[0], abs=1e-3))
-    editing.get("edit-selection").select_option("V1")
-    for value, problem in (("1e9", "X must be at most 10000."), ("", "A position and a heading are numbers.")):
-        x.fill(value)
-        editing.page.keyboard.press("Enter")
-        editing.wait_for_notice(problem)
-        editing.wait_until(lambda: x.input_value() == "50")
-    editing.click("edit-undo")
-    editing.wait_until(lambda: is_seen(0.0, 0.0))
-
-
-def test_another_scenario_discards_edits_only_after_a_question(plane: PageServer, editing: Tab) -> None:
-    def choose(name: str) -> None:
-        editing.get("scenario").select_option(name)
-        editing.get("discard-dialog").wait_for()
-
-    editing.click("edit-left")
-    editing.wait_until(lambda: plane.simulation.undo_name and editing.value("store.status.value.undo"))
-    editing.show("menu")
-    choose("two_cars")
-    editing.click("discard-dialog-cancel")
-    editing.wait_until(lambda: editing.get("scenario").input_value() == "plane")
-    assert plane.simulation.undo_name
-    choose("two_cars")
-    editing.click("discard-dialog-save")
-    assert editing.get("save-title").input_value().endswith(" (edited)")
-    with editing.page.expect_download():
-        editing.click("save-dialog-save")
-    editing.wait_until(lambda: plane.scenario() == "two_cars")
-    editing.wait_until(lambda: editing.get("scenario").is_enabled())
-    editing.get("scenario").select_option("plane")  # without edits there is no question
-    editing.wait_until(lambda: plane.scenario() == "plane")
-
-
-def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: Tab) -> None:
-    editing.get("lidar-rate").fill("20")
-    editing.page.keyboard.press("Enter")
-    editing.wait_until(lambda: plane.simulation.undo_name == "set lidar of V1")
-    plane.request(Pause())
-    times = {scan.time for _ in range(50) if (scan := plane.request(Step(1)).vehicles["V1"].lidar) is not None}
-    assert 10 <= len(times) <= 11
-    plane.request(Resume())
-    editing.get("lidar-on").uncheck()
-    editing.wait_until(lambda: plane.vehicle.lidar is None)
-    editing.get("ips-noise").select_option("strong")
-    editing.wait_until(lambda: abs(plane.vehicle.ips.position[0]) > 0.01)  # sigma is 0.05 m
-    editing.get("imu-rate").fill("0")  # as in the vehicle's file
-    editing.get("imu-rate").fill("-3")
-    editing.page.keyboard.press("Enter")
-    editing.wait_for_notice("The rate of imu of V1 must be at least 0.001")
-    editing.wait_until(lambda: editing.get("imu-rate").input_value() == "")
-
-
 def test_a_finger_drags_a_vehicle_and_the_map_moves_beside_it(plane: PageServer, new_tab: NewTab) -> None:
     editing = opened(plane, new_tab, touch=True)
     start, end = on_screen(editing, 0.07, 0.0), on_screen(editing, 0.07, 0.4)
@@ -211,25 +137,6 @@ def test_a_finger_drags_a_vehicle_and_the_map_moves_beside_it(plane: PageServer,
     assert plane.vehicle.pose.position[0] == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize("size", [(390, 844), (844, 390)], ids=lambda size: "x".join(map(str, size)))
-def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
-    plane: PageServer, new_tab: NewTab, size: tuple[int, int]
-) -> None:
-    tab = new_tab(size=size, touch=True).open(f"{plane.url}?quality=low")
-    tab.click("edit-button")
-    tab.wait_until(lambda: tab.get("edit-bar").is_visible())
-    assert tab.get("edit").is_visible() == (size[0] > 719)
-    assert wrong_targets(tab, MIN_TARGET) == []
-    assert size[0] <= 719 or box(tab.get("edit-bar"))["bottom"] - box(tab.get("edit-bar"))["top"] < 70, "two rows"
-    tab.page.evaluate("() => { autodrive.store.notice.value = 'a notice' }")
-    notice = box(tab.page.locator(".notice").last)
-    assert notice["bottom"] - notice["top"] < 60, "higher than its line"
-    tab.page.evaluate("() => document.querySelectorAll('.notice').forEach((notice) => notice.remove())")
-    tab.click("edit-details")
-    tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
-    assert wrong_targets(tab, MIN_TARGET) == []
-
-
 @pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 600)], ids=lambda size: "x".join(map(str, size)))
 def test_the_bar_covers_no_panel_and_names_what_it_does(
     plane: PageServer, new_tab: NewTab, size: tuple[int, int]
@@ -242,21 +149,6 @@ def test_the_bar_covers_no_panel_and_names_what_it_does(
         tab.wait_until(lambda panel=panel: tab.get(panel).is_visible())
         tab.wait_until(lambda panel=panel: not overlap(bar, tab.get(panel)))
     assert [tab.get(f"edit-{name}").inner_text() for name in ("undo", "redo")] == ["Undo", "Redo"]
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_text_of_edit_mode_is_large_enough_and_has_contrast(plane: PageServer, new_tab: NewTab, theme: str) -> None:
-    saved = f"localStorage.setItem('autodrive.theme', '{theme}')"
-    tab = new_tab(size=(1280, 720), script=saved).open(f"{plane.url}?quality=low")
-    tab.page.emulate_media(reduced_motion="reduce")
-    tab.show()
-    tab.click("edit-button")
-    tab.wait_until(lambda: tab.get("edit").is_visible())
-    # its hint is text of the panel, not a card over the scene
-    assert tab.get("edit").locator("p").first.evaluate("(p) => getComputedStyle(p).boxShadow") == "none"
-    texts = tab.page.evaluate(TEXTS)
-    assert {"Save as scenario", "Sensors of V1", "LIDAR"} <= {each["text"] for each in texts}
-    assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []
 
 
 def test_edit_mode_has_light_at_night_and_the_simulation_stays_dark(plane: PageServer, new_tab: NewTab) -> None:

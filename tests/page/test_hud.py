@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import re
-import time
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from autodrive.protocol import labels
-from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, SetSceneLight, Step
+from autodrive.protocol.messages import SetSceneLight
 from tests.page.test_view import COLOURS
-from tests.support.page import NewTab, PageServer, Tab, box
+from tests.support.page import NewTab, PageServer, Tab
 
 GRID = """(canvas) => {
     const small = Object.assign(document.createElement('canvas'), { width: 8, height: 6 })
@@ -24,67 +22,8 @@ GRID = """(canvas) => {
 """A canvas in 8 x 6 pixels."""
 
 
-@pytest.fixture
-def paused(mini_map: PageServer, tab: Tab) -> Frame:
-    """A paused world, in reverse to the left with lamps on, shown by the HUD."""
-    tab.show("hud")
-    mini_map.request(Pause())
-    command = Command(throttle=-0.8, steering=0.6, headlights=Headlights.HIGH, indicators=Indicators.HAZARD)
-    for _ in range(15):
-        mini_map.request(Step(4, {"V1": command}))
-    frame = mini_map.request(Step(1, {"V1": command}))
-    tab.wait_until(lambda: tab.value("store.frame.value.tick") == frame.tick)
-    last = tab.get("hud-nearest")  # updated last and least often
-    last.evaluate("(element) => { element.textContent = 'outdated' }")
-    tab.wait_until(lambda: last.text_content() != "outdated")
-    return frame
-
-
 def numbers(text: str) -> list[float]:
     return [float(number) for number in re.findall(r"-?\d+(?:\.\d+)?", text)]
-
-
-def test_rows_and_lamps_show_the_frame(paused: Frame, tab: Tab) -> None:
-    vehicle = paused.vehicles["V1"]
-    assert vehicle.speed < -0.01
-    assert tab.text("hud-time") == time.strftime("%H:%M:%S", time.gmtime(paused.time + 1e-6))
-    assert (tab.text("hud-mode"), tab.text("hud-gear")) == ("Manual", "R")
-    assert tab.text("hud-speed") == f"{-vehicle.speed:.2f} m/s"
-    assert tab.text("hud-throttle") == "80.00%"
-    assert tab.text("hud-steering") == f"\N{LEFTWARDS ARROW} {vehicle.steering:.2f} rad"  # left is positive
-    assert tab.text("hud-collisions") == str(vehicle.collision_count)
-    assert tab.text("hud-encoders") == f"[{', '.join(map(str, vehicle.encoders.ticks))}]"
-    assert re.fullmatch(r"\d+ Hz", tab.text("hud-frame-rate"))
-    vectors = {
-        "position": (vehicle.ips.position, "m"),
-        "orientation": (vehicle.imu.euler, "rad"),
-        "angular-velocity": (vehicle.imu.angular_velocity, "rad/s"),
-        "linear-acceleration": (vehicle.imu.linear_acceleration, "m/s²"),
-    }
-    for row, (values, unit) in vectors.items():
-        text = tab.text(f"hud-{row}")
-        assert text.endswith(f"] {unit}")
-        assert numbers(text)[:3] == pytest.approx(values, abs=0.0051)
-    scan = vehicle.lidar
-    assert scan is not None
-    for bearing in (0, 90, -37):  # degrees, left positive
-        tab.get("hud-bearing").fill(str(bearing))
-        tab.get("hud-bearing").blur()
-        expected = scan.ranges[round((math.radians(bearing) - scan.angle_min) / scan.angle_increment) % 360]
-        text = f"{expected:.2f} m" if np.isfinite(expected) else "inf m"
-        tab.wait_for_text("hud-lidar", text)
-        tab.page.wait_for_timeout(300)  # it does not turn on
-        assert tab.text("hud-lidar") == text
-    plot = box(tab.get("hud-polar"))
-    middle = 0.5 * (plot["top"] + plot["bottom"])
-    tab.page.mouse.click(0.2 * plot["left"] + 0.8 * plot["right"], middle)  # to the right
-    assert tab.get("hud-bearing").input_value() == "-90"
-    nearest = scan.ranges[np.isfinite(scan.ranges)].min()
-    assert numbers(tab.text("hud-nearest"))[0] == pytest.approx(nearest, abs=0.0051)
-    lights = vehicle.lights
-    lit = {"low": False, "high": True, "reverse": lights.reverse_lights, "left": lights.left_indicator}
-    for lamp, is_on in lit.items():
-        assert tab.get(f"hud-lamp-{lamp}").get_attribute("data-lit") == ("on" if is_on else "off")
 
 
 def test_driving_off_the_road_is_shown_and_plotted(mini_map: PageServer, tab: Tab) -> None:

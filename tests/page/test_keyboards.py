@@ -5,10 +5,8 @@ The tables of the layouts are those of X.Org (xkeyboard-config: us, fr, de, us(d
 
 from __future__ import annotations
 
-import math
 import re
 
-from tests.page.test_driving import yaw
 from tests.support.page import NewTab, PageServer, Tab
 
 ROWS = ("QWERTYUIOP", "ASDFGHJKL", "ZXCVBNM")
@@ -87,22 +85,3 @@ def test_without_a_layout_the_caps_are_learnt_from_the_keys_that_are_pressed(
     press(tab, "KeyW", "z")
     assert not note.is_visible()
     assert tab.page.locator(".first-steps kbd").all_text_contents()[:4] == ["Z", "A", "S", "D"]
-
-
-def test_brackets_count_by_their_character_and_the_number_pad_has_arrows(plane: PageServer, new_tab: NewTab) -> None:
-    tab = new_tab(size=(640, 480)).open(plane.url + "?quality=low")
-    tab.page.evaluate("() => { autodrive.store.isEditing.value = true; autodrive.store.selection.value = 'V1' }")
-    turn = """(modifiers) => { for (const type of ['keydown', 'keyup']) document.body.dispatchEvent(
-        new KeyboardEvent(type, {code: 'Digit8', key: '[', bubbles: true, ...modifiers})) }"""
-    for turns, modifiers in enumerate(
-        ({"modifierAltGraph": True}, {"modifierAltGraph": True, "ctrlKey": True, "altKey": True}), 1
-    ):
-        tab.page.evaluate(turn, modifiers)  # AltGr + 8 of a German keyboard; on Windows also Ctrl and Alt
-        tab.wait_until(lambda turns=turns: abs(yaw(plane) - turns * math.pi / 12) < 0.01)
-    tab.page.evaluate("() => { autodrive.store.isEditing.value = false }")
-    tab.page.evaluate("""() => document.body.dispatchEvent(
-        new KeyboardEvent('keydown', {code: 'Numpad8', key: 'ArrowUp', bubbles: true}))""")
-    tab.wait_until(lambda: plane.vehicle.throttle > 0.1)
-    tab.page.evaluate("""() => document.body.dispatchEvent(
-        new KeyboardEvent('keyup', {code: 'Numpad8', key: 'ArrowUp', bubbles: true}))""")
-    tab.wait_until(lambda: plane.vehicle.throttle == 0)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from autodrive.protocol.messages import Reset, SetDrivingMode, SetTimeOfDay, SetWeather, Weather
-from autodrive.protocol.weather import PRESETS
 from tests.support.command_line import call
-from tests.support.page import PageServer, Tab, box
+from tests.support.page import PageServer, Tab
 
 
 def test_simulator_controls(plane: PageServer, tab: Tab) -> None:
@@ -32,27 +31,6 @@ def test_simulator_controls(plane: PageServer, tab: Tab) -> None:
     tab.wait_until(lambda: tab.value("store.frame.value.vehicles.V1.pose.position[0]") < 0.05)
 
 
-def test_time_controls(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.click("pause")
-    tab.wait_until(lambda: plane.simulation.is_paused)
-    tab.get("paused").wait_for(state="visible")
-    tick = plane.frame.tick
-    tab.get("ticks").fill("7")
-    tab.click("step")
-    tab.wait_until(lambda: plane.frame.tick == tick + 7)
-    tab.page.keyboard.press("n")
-    tab.wait_until(lambda: plane.frame.tick == tick + 8)
-    tab.wait_until(lambda: tab.value("store.frame.value.tick") == tick + 8)
-    tab.click("pause")
-    tab.wait_until(lambda: plane.frame.tick > tick + 20)
-    for label, speed in (("Max", None), ("1", 1.0)):
-        button = tab.get("speed").get_by_role("button", name=label, exact=True)
-        button.click()
-        tab.wait_until(lambda speed=speed: plane.simulation.speed == speed)
-        tab.wait_until(lambda button=button: button.get_attribute("aria-pressed") == "true")
-
-
 def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> None:
     tab.show("menu")
     tab.get("scenario").select_option("two_cars")
@@ -66,46 +44,6 @@ def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> No
     assert plane.frame.vehicles["V1"].throttle == 0
     tab.page.keyboard.press("v")
     tab.wait_until(lambda: tab.get("vehicle").input_value() == "V1")
-
-
-def test_weather_and_time_of_day_are_set_with_the_keyboard(tab: Tab, plane: PageServer) -> None:
-    tab.show("menu")
-    tab.get("weather-heavy_rain").focus()
-    tab.page.keyboard.press("Enter")
-    tab.wait_until(lambda: "LIDAR" in tab.get("weather-numbers").inner_text())
-    tab.get("time-of-day").focus()
-    for _ in range(3):
-        tab.page.keyboard.press("ArrowRight")
-    tab.wait_until(lambda: tab.value("store.frame.value.time_of_day") == 60 * (12 * 60 + 15))
-    assert tab.get("time-of-day").get_attribute("aria-valuetext") == "12:15"
-    assert tab.value("store.frame.value.weather.rain") == 0.8
-    plane.request(SetWeather())
-    plane.request(Reset())
-
-
-def test_intensity_and_dial_are_set_with_the_mouse(tab: Tab, plane: PageServer) -> None:
-    plane.request(SetWeather(PRESETS["heavy_rain"]))
-    tab.show("menu")
-    intensity, dial = tab.get("weather-intensity"), tab.get("time-of-day")
-    tab.wait_until(lambda: intensity.input_value() == "1")
-    place = box(intensity)
-    tab.page.mouse.click((place["left"] + place["right"]) / 2, (place["top"] + place["bottom"]) / 2)
-    tab.wait_until(lambda: plane.frame.weather is not None and plane.frame.weather.rain == 0.4)
-    assert plane.frame.weather is not None
-    assert plane.frame.weather.clouds == 0.5
-    dial.scroll_into_view_if_needed()
-    place = box(dial)
-    x, y = (place["left"] + place["right"]) / 2, (place["top"] + place["bottom"]) / 2
-    tab.page.mouse.move(x + 40, y)  # noon is on top, 18:00 on the right
-    tab.page.mouse.down()
-    tab.page.mouse.move(x + 30, y + 30)
-    tab.page.mouse.move(x, y + 40)
-    tab.page.mouse.move(x - 40, y)
-    tab.page.mouse.up()
-    tab.wait_until(lambda: plane.frame.time_of_day == 6 * 3600.0)
-    assert dial.get_attribute("aria-valuetext") == "06:00"
-    plane.request(SetWeather())
-    plane.request(Reset())
 
 
 def test_the_page_shows_the_lines_that_the_command_prints(tab: Tab, plane: PageServer) -> None:

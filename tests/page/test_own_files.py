@@ -19,7 +19,7 @@ from tests.page.test_track_builder import OVAL, line, opened
 from tests.support.page import NewTab, PageServer, Tab
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Download
+    pass
 
 DROP = """files => {
     const data = new DataTransfer()
@@ -126,26 +126,6 @@ def test_a_drawing_becomes_a_track_with_a_scale_that_the_user_draws(plane: PageS
     drive(plane)
 
 
-def test_what_is_no_picture_says_so_and_changes_nothing(plane: PageServer, new_tab: NewTab) -> None:
-    tab = opened(plane, new_tab)
-    before = plane.simulation.world
-    drop(tab, ("cut.png", drawing()[:300]))
-    tab.wait_for_notice("cut.png is no PNG or PGM picture, or it is not complete")
-    drop(tab, ("hall.pgm", b"P5\n2 2\n255\nab"))
-    tab.wait_for_notice("hall.pgm is no PNG or PGM picture")
-    drop(tab, ("photo.jpg", b"x"))
-    tab.wait_for_notice("photo.jpg is not the YAML file or the picture")
-    drop(tab, ("hall.pgm", b"P5\n2 2\n255\nabcd"))
-    tab.get("picture").wait_for()
-    tab.get("picture-resolution").fill("0.05")
-    tab.click("picture-use")
-    tab.get("picture-error").wait_for()
-    assert "no free area that is a ring" in tab.text("picture-error")
-    tab.click("picture-cancel")
-    tab.get("picture").wait_for(state="detached")
-    assert plane.simulation.world is before
-
-
 @pytest.fixture
 def folder(plane: PageServer) -> Path:
     """The empty folder of the user."""
@@ -194,59 +174,3 @@ def test_a_track_is_saved_in_the_folder_opened_from_it_and_replaced_after_a_ques
     save("my oval")
     tab.click("replace-dialog-replace")
     tab.wait_until(lambda: (folder / "my oval.yaml").read_text() != before)
-
-
-def test_scenario_files_are_opened_from_the_folder_and_by_dropping_them(
-    plane: PageServer, new_tab: NewTab, folder: Path
-) -> None:
-    (folder / "mine.yaml").write_text("title: Two of mine\nmap: oval\nvehicles: {A: {}, B: {x: 2}}\n")
-    tab = new_tab(size=(1280, 720)).open(plane.url + "?quality=low")
-    tab.wait_for_image()
-    tab.show("menu")
-    tab.wait_until(lambda: "Two of mine" in tab.get("scenario").inner_text())
-    tab.get("scenario").select_option("folder/mine.yaml")
-    tab.wait_until(lambda: tab.value("store.scene.value.title") == "Two of mine")
-    assert tab.value("Object.keys(store.scene.value.vehicles)") == ["A", "B"]
-    drop(tab, ("other.yaml", b"title: Sent\nmap: plane\nvehicles: {C: {}}\n"))
-    tab.wait_until(lambda: tab.value("store.scene.value.title") == "Sent")
-    assert tab.value("store.isBuilding.value") is False
-    before = plane.simulation.world
-    drop(tab, ("evil.yaml", b"map: plane\nvehicles: {C: {type: nigel, own_sensors: {x: 'a.py:A'}}}\n"))
-    tab.wait_until(lambda: "Python files" in tab.page.locator(".notices").inner_text())
-    lawn = "- {module: straight_road, x: 0, y: 0}\n"
-    drop(tab, ("huge.yaml", f"title: Huge\nplacements:\n{lawn * 1001}".encode()))
-    tab.wait_until(lambda: "1000" in tab.page.locator(".notices").inner_text())
-    assert plane.simulation.world is before
-
-
-def test_the_map_is_exported_and_imported_again(
-    plane: PageServer, new_tab: NewTab, folder: Path, tmp_path: Path
-) -> None:
-    plane.request(EditTrack(OVAL))
-    plane.request(Pause())
-    tab = opened(plane, new_tab)
-    tab.wait_until(lambda: line(tab) is not None)
-    given = track_of(plane)
-    assert given is not None
-    tab.click("build-save")
-    tab.get("save-name").fill("my oval")
-    tab.click("save-map-export")
-    downloads: list[Download] = []
-
-    def note(download: Download) -> None:  # playwright takes no builtin function
-        downloads.append(download)
-
-    tab.page.on("download", note)
-    tab.click("export-dialog-export")
-    tab.wait_until(lambda: len(downloads) == 2)
-    files = {one.suggested_filename: Path(one.path()).read_bytes() for one in downloads}
-    assert files.keys() == {"my_oval.png", "my_oval.yaml"}
-    drop(tab, *files.items())
-    tab.click("discard-dialog-discard")  # an export is no file of the simulator
-    tab.get("picture").wait_for()
-    tab.click("picture-use")
-    tab.wait_until(lambda: track_of(plane) is not given)
-    again = track_of(plane)
-    assert again is not None
-    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in one.walls]) for one in (again, given)]
-    assert shapely.hausdorff_distance(*lines, densify=0.02) < 0.05  # a pixel

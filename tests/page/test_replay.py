@@ -13,7 +13,6 @@ from autodrive import recording
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import Teleport
 from autodrive.recording.replay import Replay, ReplayOptions
-from tests.page.test_view import COLOURS
 from tests.recording.conftest import Drive, drive
 from tests.support.page import NewTab, PageServer, Tab, box
 
@@ -91,29 +90,6 @@ def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, driv
     tab.get("timeline-speed").select_option("16")
     tab.click("play")
     other.wait_until(lambda: position(other) == pytest.approx(duration) and other.value("store.status.value.is_paused"))
-
-
-def test_commands_are_refused_with_a_sentence_and_the_plot_has_the_whole_run(replay: Replay, new_tab: NewTab) -> None:
-    tab = new_tab(size=(1280, 720)).open(replay.server.url)
-    tab.page.keyboard.press("w")
-    tab.page.keyboard.press("g")
-    tab.wait_for_notice("This is a replay")
-    tab.page.keyboard.press("Shift+Backspace")
-    tab.wait_for_notice("nothing can be changed")
-    # what has no effect is hidden, and the time is shown once
-    tab.show("menu", "hud")
-    for control in ("edit-button", "record-button", "reset", "mode", "scene-light", "weather", "connect", "programs"):
-        assert tab.get(control).is_hidden()
-    assert tab.get("camera").is_visible()
-    clocks = ("hud-time", "time", "real-time-factor", "timeline-time")
-    assert [name for name in clocks if tab.get(name).is_visible()] == ["timeline-time"]
-    tab.show("menu")
-    tab.click("timeline-plot")
-    tab.get("run-signal-1").select_option("yaw")
-    canvas = tab.get("run-plot").locator("canvas")
-    tab.wait_until(lambda: canvas.count() == 1 and canvas.evaluate(COLOURS) > 20)
-    # nothing covers the timeline, and the panels end above it
-    assert box(tab.get("menu"))["bottom"] <= box(tab.get("timeline-bar"))["top"]
 
 
 def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: PageServer, tab: Tab) -> None:

@@ -241,17 +241,3 @@ def test_an_error_of_the_bridge_moves_no_control(plane: PageServer, tab: Tab) ->
     tab.click("disconnect")
     tab.wait_for_text("bridge-status", "Disconnected")
     assert {name: box(tab.get(name)) for name in places} == places
-
-
-def test_a_step_runs_the_ticks_that_were_typed_or_says_why_not(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.click("pause")
-    tab.wait_until(lambda: plane.simulation.is_paused)
-    tick = plane.frame.tick
-    tab.get("ticks").fill("2.5")
-    tab.click("step")
-    tab.wait_for_text("ticks-error", "whole number of ticks from 1 to 10000")
-    tab.get("ticks").fill("25")
-    tab.page.keyboard.press("Enter")
-    tab.wait_until(lambda: plane.frame.tick == tick + 25)
-    assert tab.get("ticks-error").is_hidden()

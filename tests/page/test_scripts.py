@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import socket
-
 import numpy as np
 import pytest
 
@@ -46,21 +44,3 @@ def test_a_script_that_is_connected_from_the_menu_drives_in_autonomous_mode(mini
         assert mini_map.bridge.status == "closed"
     tab.wait_until(lambda: tab.get("connect").is_enabled())
     assert tab.get("port").input_value() == str(port)  # as typed
-
-
-def test_errors_of_the_connection_are_shown_below_the_button(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.wait_for_text("bridge-status", "Disconnected")
-    port = free_port()
-    connect(tab, port)
-    tab.wait_for_text("bridge-status", "Connecting")
-    tab.wait_for_text("bridge-error", str(port))
-    assert tab.get("bridge-error").is_visible()
-    tab.click("disconnect")
-    tab.wait_for_text("bridge-status", "Disconnected")
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        connect(tab, other.getsockname()[1])
-        other.accept()[0].sendall(b"220 mail.example.org ESMTP\r\n")
-        tab.wait_until(lambda: tab.get("bridge-error").is_visible() and tab.text("bridge-error"))
-        tab.click("disconnect")
-        tab.wait_for_text("bridge-status", "Disconnected")

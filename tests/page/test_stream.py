@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from autodrive.protocol.messages import Pause, Resume, SetSceneLight
+from autodrive.protocol.messages import SetSceneLight
 from tests.page.test_load import NO_WEBGL
 from tests.support.page import NewTab, PageServer, Tab
 
@@ -54,20 +54,3 @@ def test_the_view_is_never_frozen_when_the_quality_changes_to_stream_and_back(
     tab.page.evaluate("() => { autodrive.store.quality.value = 'low' }")
     plane.request(SetSceneLight(True))
     tab.wait_until(lambda: brightness(tab) > 0.8 * day)  # the page draws again
-
-
-def test_the_only_image_of_a_paused_world_is_shown_though_the_page_draws_while_it_is_decoded(
-    plane: PageServer, new_tab: NewTab
-) -> None:
-    tab = new_tab(size=(640, 480), draws=True, script=HELD_IMAGES).open(f"{plane.url}?quality=low")
-    plane.request(Pause())
-    try:
-        tab.wait_for_image()
-        tab.page.evaluate("() => { autodrive.store.quality.value = 'stream' }")
-        tab.wait_until(lambda: tab.value("store.rendered.value !== null"))
-        drawn = tab.value("store.imageCount.value")
-        tab.wait_until(lambda: tab.value("store.imageCount.value") > drawn + 2)
-        tab.page.evaluate("() => releaseImages()")
-        tab.get("stream-note").wait_for(state="hidden")
-    finally:
-        plane.request(Resume())

@@ -12,11 +12,11 @@ import pytest
 
 import autodrive
 from autodrive import Command
-from autodrive.protocol.messages import EditTrack, LapCompleted, Pause, TrackLine
+from autodrive.protocol.messages import LapCompleted, Pause, TrackLine
 from autodrive.scenario.scenario import ScenarioSpec, VehiclePlacement
 from tests.page.test_edit import drag, on_screen
 from tests.support.command_line import call
-from tests.support.page import NewTab, PageServer, Tab, touch
+from tests.support.page import NewTab, PageServer, Tab
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "racing"
 OVAL = TrackLine(tuple((5.0 * math.cos(a), 3.0 * math.sin(a)) for a in np.arange(8) * math.pi / 4))
@@ -90,75 +90,3 @@ def test_a_track_of_sixty_metres_is_dragged_saved_and_lapped(
         world.step({"V1": Command(*command(seen.ranges, angles)) if seen else Command()})
         assert world.time < 60.0
     assert world.frame.vehicles["V1"].collision_count == 0
-
-
-def test_faults_are_shown_while_a_point_is_dragged_and_a_finger_and_keys_move_points(
-    plane: PageServer, new_tab: NewTab
-) -> None:
-    plane.request(EditTrack(OVAL))
-    plane.request(Pause())
-    tab = opened(plane, new_tab, size=(1024, 768), touch=True)
-    tab.wait_until(lambda: line(tab) is not None)
-    tab.click("track-all")
-    drawn = tab.value("store.imageCount.value")
-    tab.wait_until(lambda: tab.value("store.imageCount.value") > drawn + 1)  # the camera is there
-    assert point(tab, 4)[0] > 340
-    tools = tab.page.context.new_cdp_session(tab.page)
-    start, end = point(tab, 2), on_screen(tab, 0.0, -2.0)
-    touch(tools, "touchStart", start)
-    touch(tools, "touchMove", [0.5 * (a + b) for a, b in zip(start, end, strict=True)])
-    touch(tools, "touchMove", end)
-    tab.wait_until(lambda: "Problems (" in tab.page.locator("#build").inner_text())
-    assert tab.value("store.scene.value.track_scene.problems") == []  # the simulator has not seen it
-    touch(tools, "touchEnd")
-    tab.wait_until(lambda: len(tab.value("store.scene.value.track_scene.problems")) > 0)
-    faults = tab.get("track-problems").locator("li")
-    assert faults.count() == len(tab.value("store.scene.value.track_scene.problems"))
-    tab.click("build-undo")
-    tab.wait_until(lambda: line(tab)["points"][2][1] == 3.0)
-    tab.page.keyboard.press("Escape")
-    tab.page.keyboard.press("n")
-    tab.page.keyboard.press("ArrowRight")
-    tab.wait_until(lambda: line(tab)["points"][0] == [5.5, 0.0])
-    tab.get("track-width").fill("1.6")
-    tab.page.keyboard.press("Enter")
-    tab.wait_until(lambda: line(tab)["width"] == 1.6)
-    tab.get("track-barrier").select_option("duct")
-    tab.wait_until(lambda: line(tab)["barrier"] == "duct")
-
-
-def test_a_link_contains_the_track_and_a_dropped_file_is_opened(plane: PageServer, new_tab: NewTab) -> None:
-    plane.request(EditTrack(OVAL))
-    tab = opened(plane, new_tab)
-    tab.wait_until(lambda: line(tab) is not None)
-    made = line(tab)
-    tab.click("build-save")
-    tab.click("save-map-link")
-    tab.get("map-link").wait_for()
-    link = tab.text("map-link")
-    assert link.startswith(f"{plane.url}#own_map=")
-    tab.click("link-dialog-cancel")
-    plane.restart("plane")
-    other = new_tab(size=(1280, 720)).open(link)
-    other.click("link-changes-apply")
-    other.wait_until(lambda: line(other) == made)
-    other.wait_until(lambda: other.get("build-bar").is_visible())
-    assert plane.simulation.undo_name == "open a map"
-    other.wait_until(lambda: "own_map" not in other.page.url)  # a reload does not open it again
-    cut = new_tab().open(link[:-40])
-    cut.click("link-changes-apply")
-    cut.wait_for_notice("the link was cut")
-    assert line(cut) == made
-    drop = """text => {
-        const data = new DataTransfer()
-        data.items.add(new File([text], 'narrow.yaml'))
-        window.dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }))
-    }"""
-    other.page.evaluate(drop, "width: 1.0\npoints: [0 0, 9 0, 9 6, 0 6]\n")
-    other.get("discard-dialog").wait_for()  # the map of the link is not saved
-    other.click("discard-dialog-discard")
-    other.wait_until(lambda: line(other)["width"] == 1.0)
-    other.page.evaluate(drop, "points: [0 0")
-    other.click("discard-dialog-discard")
-    other.wait_until(lambda: other.page.locator(".notices").inner_text() != "")
-    assert line(other)["width"] == 1.0

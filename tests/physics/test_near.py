@@ -22,7 +22,6 @@ from autodrive.physics.near import SLACK, Slots
 from autodrive.physics.tick import place
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.batch import BatchWorld
 from tests.physics.test_grid import solids
 from tests.support.sensor_scenes import shapes_of
 from tests.support.whole_map import whole_map_world
@@ -210,35 +209,6 @@ def test_nothing_passes_through_anything_at_22_metres_per_second(hall: str) -> N
             assert abs(y) < 0.65, (seed, world.frame.tick)
         bounced += world.frame.vehicles["V1"].collision_count > 0
     assert bounced > 0.3 * CASES
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_in_contact_has_the_bits_of_single_worlds(hall: str, threads: int) -> None:
-    """Cars of other mass in other places, two of which diverge: the slots of a world are never those of another one."""
-    n = 40
-    spec = ScenarioSpec(map=hall, vehicles={"V1": RACER})
-    rng = np.random.default_rng(3)
-    poses = np.column_stack([rng.uniform(1.0, 20.0, n), rng.uniform(-0.1, 0.1, n), rng.uniform(-0.5, 0.5, n)])
-    mass = rng.uniform(0.8, 1.2, n)
-    batch = BatchWorld(spec, n, threads=threads)
-    batch.reset(poses={"V1": poses}, mass=mass)
-    commands = np.column_stack([np.ones(n), rng.uniform(-1.0, 1.0, n)])[:, None]
-    for tick in range(60):
-        if tick == 30:
-            batch.worlds.state.qvel[[4, 20], 3] = 9e8
-        batch.step(commands)
-    assert batch.readings.is_unstable.tolist() == [k in (4, 20) for k in range(n)]
-    collisions = 0
-    for k in (3, 5, 19, 21, 39):
-        car = RACER.model_copy(update={"mass_factor": float(mass[k])})
-        world = autodrive.make(spec.model_copy(update={"vehicles": {"V1": car}}))
-        world.reset(poses={"V1": poses[k]})  # pyright: ignore[reportArgumentType]
-        for _ in range(60):
-            world.step({"V1": Command(*commands[k, 0].tolist())})
-        collisions += world.frame.vehicles["V1"].collision_count
-        np.testing.assert_array_equal(batch.worlds.state.qpos[k], world.compiled.state.qpos)
-        np.testing.assert_array_equal(batch.worlds.state.qvel[k], world.compiled.state.qvel)
-    assert collisions > 3
 
 
 def distances(shapes: ShapeTable, count: int, x: float, y: float, z: float) -> list[float]:

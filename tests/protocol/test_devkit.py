@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.yaml_files import find
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit import ENVIRONMENT, initial_telemetry, read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, detect_profile, is_ambiguous
 from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, RaceState, RaceStatus
+from autodrive.scenario.kinds import find
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.protocol.devkit_frames import frame, scan, vehicle
 

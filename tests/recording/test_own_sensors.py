@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive import Command, Frame, Simulation
+from autodrive import Command, Frame
 from autodrive.protocol.codec import encode
-from autodrive.protocol.messages import AddBox
 from autodrive.recording import Recorder, RecordingError
 from autodrive.recording import open as open_recording
 from autodrive.recording.plot import plot
@@ -78,20 +77,6 @@ def test_a_recording_with_sensors_is_simulated_again(drive: tuple[Path, list[Fra
         difference = resimulate(recording, {"V1": {"radar": Other, "late": Radar}}).difference
         assert difference is not None
         assert difference.signal == "vehicles.V1.own.radar.values[0]"
-
-
-def test_edits_and_sensors_are_simulated_again(tmp_path: Path) -> None:
-    path = tmp_path / "edits.mcap"
-    simulation = Simulation(autodrive.make(radar_scenario(tmp_path)), speed=None, load=autodrive.make)
-    with Recorder(path, simulation, has_meshes=False):
-        for request in (AddBox("crate", 2.0, 2.5), AddBox("other", 2.0, 3.5)):
-            simulation.submit("V1", Command(0.5))
-            simulation.run(0.11)
-            done = simulation.request(request)
-            simulation.run(0.01)
-            done.result()
-    with open_recording(path) as recording:
-        assert str(resimulate(recording, SENSORS)) == "identical"
 
 
 def test_a_recording_does_not_run_the_code_of_a_sensor(drive: tuple[Path, list[Frame]]) -> None:

@@ -11,16 +11,14 @@ import yaml
 
 import autodrive
 from autodrive import Command, Simulation, SpecError
-from autodrive.base.yaml_files import find, names, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.protocol.messages import AddBox, Frame, Operation, Place, RemoveBox
-from autodrive.recording import Recorder
-from autodrive.recording import open as open_recording
-from autodrive.recording.resimulation import resimulate
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.files import files_of, read_scenario, scenario_text, write_to
+from autodrive.scenario.kinds import find, names
 from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
 from tests.support.frames import digest, digests
@@ -145,19 +143,6 @@ def test_the_files_that_it_names_travel_and_give_the_same_bits(street: Path, tmp
 def test_the_map_of_a_stranger_s_recording_is_read_within_the_limits_of_a_file(text: str, tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="invalid YAML"):
         write_to(tmp_path, ScenarioSpec(map="theirs.yaml"), {"map/theirs.yaml": text})
-
-
-def test_it_is_recorded_and_simulated_again(street: Path, tmp_path: Path) -> None:
-    simulation = Simulation(autodrive.make(street), speed=None, load=autodrive.make)
-    with Recorder(tmp_path / "run.mcap", simulation, has_meshes=False) as recorder:
-        simulation.run(0.1)
-        simulation.request(AddBox("crate", 0.3, 1.0))
-        simulation.run(0.2)
-    assert recorder.error == ""
-    shutil.copytree(street.parent, street.parent.with_name("moved"), ignore=shutil.ignore_patterns("*.yaml"))
-    (street.parent / "own_curve.yaml").unlink()
-    with open_recording(tmp_path / "run.mcap") as recording:
-        assert str(resimulate(recording)) == "identical"
 
 
 def test_a_campaign_changes_its_fields(street: Path) -> None:

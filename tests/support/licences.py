@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from tests.support.lockfile import PLATFORMS, PYTHONS, needed, packages
+from tests.support.lockfile import PLATFORMS, PROJECT, PYTHONS, needed, packages
 
 ROOT = Path(__file__).parents[2]
 DOCUMENT = ROOT / "docs" / "dependencies.md"
@@ -35,58 +36,6 @@ SPDX = {
 
 MIT_TEXT = "Permission is hereby granted, free of charge, to any person obtaining a"
 
-EXTRAS = {
-    "gymnasium": ("envs", "MIT"),
-    "cloudpickle": ("envs", "BSD-3-Clause"),
-    "farama-notifications": ("envs", "MIT"),
-    "pettingzoo": ("envs", "MIT"),
-    "onnxruntime": ("onnx", "MIT"),
-    "flatbuffers": ("onnx", "Apache-2.0"),
-    "av": ("film", "BSD-3-Clause"),
-    "apsw": ("export", "any-OSI"),
-    "scipy": ("campaigns", "BSD-3-Clause"),
-    "attrs": ("rerun", "MIT"),
-    "lz4": ("export", "BSD-3-Clause"),
-    "minari": ("export", "MIT"),
-    "packaging": ("ray", "Apache-2.0 OR BSD-2-Clause"),
-    "pillow": ("export", "MIT-CMU"),
-    "psutil": ("rerun", "BSD-3-Clause"),
-    "pyarrow": ("export", "Apache-2.0"),
-    "ruamel-yaml": ("export", "MIT"),
-    "rerun-sdk": ("rerun", "MIT OR Apache-2.0"),
-    "rosbags": ("export", "Apache-2.0"),
-    "certifi": ("ray", "MPL-2.0"),
-    "charset-normalizer": ("ray", "MIT"),
-    "filelock": ("ray", "MIT"),
-    "idna": ("ray", "BSD-3-Clause"),
-    "jsonschema": ("ray", "MIT"),
-    "jsonschema-specifications": ("ray", "MIT"),
-    "msgpack": ("ray", "Apache-2.0"),
-    "ray": ("ray", "Apache-2.0"),
-    "referencing": ("ray", "MIT"),
-    "requests": ("ray", "Apache-2.0"),
-    "rpds-py": ("ray", "MIT"),
-    "urllib3": ("ray", "MIT"),
-    "absl-py": ("learn", "Apache-2.0"),
-    "equinox": ("learn", "Apache-2.0"),
-    "jax": ("learn", "Apache-2.0"),
-    "jaxlib": ("learn", "Apache-2.0"),
-    "jaxtyping": ("learn", "MIT"),
-    "ml-dtypes": ("learn", "Apache-2.0"),
-    "opt-einsum": ("learn", "MIT"),
-    "optax": ("learn", "Apache-2.0"),
-    "wadler-lindig": ("learn", "Apache-2.0"),
-    "alembic": ("search", "MIT"),
-    "cmaes": ("search", "MIT"),
-    "colorlog": ("search", "MIT"),
-    "mako": ("search", "MIT"),
-    "markupsafe": ("search", "BSD-3-Clause"),
-    "optuna": ("search", "MIT"),
-    "sqlalchemy": ("search", "MIT"),
-    "tqdm": ("search", "MPL-2.0 AND MIT"),
-}
-"""Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""
-
 HEAD = """# Dependencies
 
 These packages are installed with the simulator or are part of the page. `python -m tests.support.licences` generates
@@ -105,19 +54,37 @@ the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders 
 """
 
 
-def python_licences() -> Iterator[tuple[str, str]]:
-    """Name and licence of each package that some platform needs and that is installed here, without the extras."""
-    names = {
+def extra_of() -> dict[str, str]:
+    """Package -> the extra that installs it, of packages that are not installed with the simulator."""
+    (project,) = (package for package in packages() if package["name"] == PROJECT)
+    extras = {package["name"]: extra for extra, group in project["optional-dependencies"].items() for package in group}
+    known = {*_names(extras=False), "colorama"}  # on Windows the simulator needs it, too
+    while needs := {
+        dependency["name"]: extras[package["name"]]
+        for package in packages()
+        if package["name"] in extras
+        for dependency in package.get("dependencies", [])
+        if dependency["name"] not in extras.keys() | known
+    }:
+        extras |= needs
+    return extras
+
+
+def _names(*, extras: bool) -> set[str]:
+    """Names of the packages that some platform needs."""
+    return {
         package["name"]
         for platform in PLATFORMS
         for python in PYTHONS
-        for package in needed(packages(), platform.environment(python))
+        for package in needed(packages(), platform.environment(python), extras=extras)
     }
-    for name in sorted(names - EXTRAS.keys()):
-        try:
+
+
+def python_licences(*, extras: bool = False) -> Iterator[tuple[str, str]]:
+    """Name and licence of each package that is needed and installed here, without the extras or only of those."""
+    for name in sorted(extra_of() if extras else _names(extras=False)):
+        with contextlib.suppress(PackageNotFoundError):
             yield name, licence(name)
-        except PackageNotFoundError:
-            continue
 
 
 def page_licences() -> Iterator[tuple[str, str]]:
@@ -142,7 +109,8 @@ def page() -> str:
         text += f"## {title}\n\n| package | licence |\n|---|---|\n"
         text += "".join(f"| {name} | {licence} |\n" for name, licence in rows) + "\n"
     text += EXTRAS_HEAD + "| package | extra | licence |\n|---|---|---|\n"
-    text += "".join(f"| {name} | {extra} | {licence} |\n" for name, (extra, licence) in EXTRAS.items())
+    extras = extra_of()
+    text += "".join(f"| {name} | {extras[name]} | {licence} |\n" for name, licence in python_licences(extras=True))
     return text
 
 

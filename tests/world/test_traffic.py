@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -311,21 +310,6 @@ def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int
 
 
 # -- the world -----------------------------------------------------------------------------------------------------
-
-
-def test_a_snapshot_continues_with_the_same_bits() -> None:
-    world = world_of(cars=6)
-    run(world, 1500)
-    saved = pickle.loads(pickle.dumps(world.save()))
-    first = [world.step() for _ in range(1500)]
-    other = world_of(cars=6)
-    other.restore(saved)
-    for before in first:
-        now = other.step()
-        for name, vehicle in before.vehicles.items():
-            assert vehicle.pose.position.tobytes() == now.vehicles[name].pose.position.tobytes()
-    with pytest.raises(autodrive.AutodriveError, match="another world"):
-        world_of(cars=5).restore(saved)
 
 
 def test_the_car_of_the_user_has_the_bits_that_it_has_alone() -> None:

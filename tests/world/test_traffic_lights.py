@@ -3,7 +3,6 @@
 import itertools
 import math
 
-import numpy as np
 import pytest
 
 import autodrive
@@ -198,55 +197,6 @@ def test_a_car_must_stop_within_its_length_before_the_line_of_a_stop_sign(
         world.teleport("V1", *at(stops_at))
         assert driven(world, 20, 0.0) == []
     assert [type(event) for event in driven(world, 250)] == [StopSign] * is_event
-
-
-def test_the_same_run_again_after_restore_makes_the_same_events() -> None:
-    world = town(light_programs={"intersection": None})
-    world.set_traffic_light(EAST_WEST, RED)
-    driven(world, 10)
-    saved = world.save()
-    first = driven(world, 200)
-    world.restore(saved)
-    again = driven(world, 200)
-    assert [(type(one), one.time) for one in first] == [(type(one), one.time) for one in again]
-    assert first
-
-
-@pytest.mark.parametrize("time_of_day", [None, "23:30"])
-def test_lights_of_a_batch_are_those_of_single_worlds_at_different_ticks(time_of_day: str | None) -> None:
-    start = {"type": "nigel", "x": -1.1, "y": -0.15}
-    programs = {"intersection": None, "one": {"groups": {"a": [NAMES[1]]}, "phases": [{"green": ["a"], "duration": 1}]}}
-    programs["two"] = {
-        "groups": {"a": [NAMES[0]], "b": [NAMES[3]]},
-        "phases": [{"green": ["a"], "duration": 0.2}, {"green": ["b"], "duration": 0.3}],
-        "yellow": 0.1,
-        "all_red": 0.1,
-        "offset": 0.05,
-        "flashing": ["23:00", "05:00"],
-    }
-    fields = {"map": "tiny_town", "vehicles": {"V1": start}, "light_programs": programs, "time_of_day": time_of_day}
-    scenario = ScenarioSpec.model_validate(fields)
-    batch, world = autodrive.BatchWorld(scenario, 3), autodrive.make(scenario)
-    assert batch.light_names == NAMES
-    frames = [world.frame, *(world.step() for _ in range(130))]
-
-    def agrees() -> bool:
-        readings = batch.readings
-        for k, tick in enumerate(readings.tick.tolist()):
-            lights = frames[tick].traffic_lights.values()
-            assert readings.light_state[k].tolist() == [one.state for one in lights]
-            times = [math.nan if one.time_to_change is None else one.time_to_change for one in lights]
-            assert str(readings.light_time_to_change[k].tolist()) == str(times)  # nan, too
-        return len(set(readings.tick.tolist())) == 3
-
-    still = np.zeros((3, 1, 2))
-    batch.step(still, 7, [0])
-    batch.step(still, 3, [0, 1])
-    for _ in range(30):
-        batch.step(still, 4)
-        assert agrees()
-    assert (batch.reset([1]).tick == [130, 0, 120]).all()
-    assert agrees()
 
 
 def test_lights_show_what_they_showed_at_that_tick_after_jumps_in_time() -> None:

@@ -110,21 +110,6 @@ def test_same_weather_and_seed_have_the_same_bits() -> None:
     assert drive(one) == reference
 
 
-def test_a_snapshot_keeps_the_weather_and_the_changing_ground() -> None:
-    world, other = autodrive.make(), autodrive.make()
-    drive(world, 7)
-    world.set_weather(STORM)
-    drive(world, 16)  # not a multiple of the period in which the tyres follow the ground
-    saved = world.save()
-    reference = drive(world)
-    other.restore(saved)
-    assert other.weather == saved.frame.weather
-    assert drive(other) == reference
-    world.reset()
-    world.restore(saved)
-    assert drive(world) == reference
-
-
 def test_the_lidar_of_a_world_that_continues_another_one_sees_its_weather() -> None:
     amounts = {"clouds": 1.0, "fog": 1.0, "rain": 0.8, "snow": 0.2, "wind": 0.5}
     storm = scenario(map="mini_map", weather=amounts, vehicles={"V1": {"has_realistic_sensors": True}})
@@ -137,42 +122,6 @@ def test_the_lidar_of_a_world_that_continues_another_one_sees_its_weather() -> N
         return [world.step().vehicles["V1"].lidar.ranges.tobytes() for _ in range(60)]  # type: ignore[union-attr]
 
     assert scans(other) == scans(same)
-
-
-def test_each_world_of_a_batch_has_its_own_weather() -> None:
-    spec = scenario(map="mini_map", weather={"rain": 0.9, "fog": 0.5})
-    batch = autodrive.BatchWorld(spec, n=3, seed=4, threads=1)
-    single = autodrive.make(spec, 5)
-    drive(single)
-    readings = batch.step([[[0.5, 0.1]]] * 3, 60)
-    vehicle = single.frame.vehicles["V1"]
-    assert vehicle.lidar is not None
-    assert readings.position[1, 0].tobytes() == vehicle.pose.position.tobytes()
-    assert readings.lidar_ranges[1, 0].tobytes() == vehicle.lidar.ranges.tobytes()
-    batch.reset([0, 2], weather=[Weather(), Weather(fog=1.0)])
-    readings = batch.step([[[0.5, 0.1]]] * 3, 60)
-    clear = autodrive.make(scenario(map="mini_map"), 4)
-    drive(clear)
-    scan = clear.frame.vehicles["V1"].lidar
-    assert scan is not None
-    assert readings.lidar_ranges[0, 0].tobytes() == scan.ranges.tobytes()
-    assert np.isinf(readings.lidar_ranges[2, 0]).sum() > np.isinf(readings.lidar_ranges[0, 0]).sum()
-    with pytest.raises(CommandError, match="each of the 3 worlds"):
-        batch.reset(weather=[Weather()])
-    with pytest.raises(CommandError, match="rain"):
-        batch.reset(weather=Weather(rain=2.0))
-    assert clear.reset(4, weather=Weather(fog=1.0)).weather == batch.weathers[2]
-    drive(clear)
-    scan = clear.frame.vehicles["V1"].lidar
-    assert scan is not None
-    assert readings.lidar_ranges[2, 0, :].tobytes() != scan.ranges.tobytes()  # world 2 has another seed
-    batch.reset([2], [4], weather=Weather(fog=1.0))
-    assert batch.step([[[0.5, 0.1]]] * 3, 60).lidar_ranges[2, 0].tobytes() == scan.ranges.tobytes()
-    with pytest.raises(CommandError, match="rain"):
-        clear.reset(weather=Weather(rain=2.0))
-    assert clear.reset().weather is None
-    batch.reset()
-    assert batch.step([[[0.5, 0.1]]] * 3).lidar_ranges.shape[0] == 3
 
 
 def lidar_ranges(map_: str, weather: Weather, ticks: int = 100) -> np.ndarray:

@@ -10,7 +10,7 @@ import typer
 from autodrive.cli.options import Force, argument, check_end, check_outputs, option
 
 if TYPE_CHECKING:
-    from autodrive.base.yaml_files import Kind
+    from autodrive.scenario.kinds import Kind
 
 Collection: TypeAlias = Literal["scenarios", "maps", "tracks", "vehicles", "modules", "rulesets"]
 """What `list` can list."""
@@ -25,8 +25,8 @@ def list_(
     ),
 ) -> None:
     """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
-    from autodrive.base.yaml_files import titles
     from autodrive.cli.spec_files import SPECS
+    from autodrive.scenario.kinds import titles
 
     kind = cast("Kind", collection.removesuffix("s"))
     for name, title in titles(kind, SPECS[kind]).items():
@@ -59,7 +59,7 @@ def show(
 
     kind_of_file = kind or spec_files.kind_of_name(name)
     if yaml:
-        from autodrive.base.yaml_files import find
+        from autodrive.scenario.kinds import find
 
         typer.echo(find(kind_of_file, name).read_text(encoding="utf-8"), nl=False)
         return

@@ -61,7 +61,7 @@ def new(
 ) -> None:
     """Write a commented start of your own vehicle, map, scenario or driver into this folder."""
     from autodrive.base.cache import write_file
-    from autodrive.base.yaml_files import find
+    from autodrive.scenario.kinds import find
 
     suffix, use = ("py", "python") if what == "driver" else ("yaml", "autodrive check")
     path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{suffix}")

@@ -18,8 +18,8 @@ def urdf(
     force: Force = False,
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""
-    from autodrive.base.yaml_files import names as names_of
     from autodrive.graphics.meshes.store import description
+    from autodrive.scenario.kinds import names as names_of
     from autodrive.scenario.vehicles.spec import load_vehicle
 
     described = [description(load_vehicle(name), Path(name).stem) for name in names or names_of("vehicle")]

@@ -23,7 +23,7 @@ def weather(
     from autodrive.protocol.messages import Weather
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.factory import make
-    from autodrive.world.weather_numbers import weather_numbers
+    from autodrive.world.views.weather_numbers import weather_numbers
 
     world = make(ScenarioSpec(map="plane", **environment(values)))
     is_day = None if world.time_of_day is None else world.scene_light

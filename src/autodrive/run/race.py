@@ -20,7 +20,6 @@ from autodrive.base.python_files import script_files
 from autodrive.base.suggest import suggesting
 from autodrive.base.tcp import address_text
 from autodrive.base.version import __version__
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.one_vehicle import OWN
@@ -44,6 +43,7 @@ from autodrive.run.race_seat import Seat
 from autodrive.run.runner import Refusal, Run, RunObserver, StopRequest, images_by, opened
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.files import scenario_text
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
 from autodrive.world.compile import on_grid

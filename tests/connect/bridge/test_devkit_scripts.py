@@ -17,16 +17,15 @@ import pytest
 
 import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.protocol.devkit import initial_telemetry, telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.scenario import VehiclePlacement
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
-from autodrive.world import World
 from tests.connect.bridge.conftest import ROOT, Resets, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.lockstep import answered_ticks
@@ -45,12 +44,6 @@ STACKS = {"legacy": Dialect.ENGINE_IO_3, "newest": Dialect.ENGINE_IO_4}
 @pytest.fixture(scope="module")
 def lanes() -> LaneGraph:
     return load_map("mini_map").lane_graph
-
-
-@pytest.fixture(scope="module")
-def town(one_world: World) -> World:
-    """Depends on the other world, which compiles everything."""
-    return autodrive.make(ScenarioSpec(map="mini_map"))
 
 
 class Drive:

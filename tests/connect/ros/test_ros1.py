@@ -5,9 +5,6 @@ Contents of messages, names and signs of all profiles are tested without ROS in 
 
 from __future__ import annotations
 
-import math
-import os
-import pty
 import re
 import subprocess
 from collections.abc import Callable, Iterator
@@ -120,25 +117,6 @@ def check_transforms(probe: Probe, v: VehicleFrame) -> None:
     assert {"nigel_1", "imu", "ips", "rear_camera", "left_encoder", "rear_right_wheel"} <= set(parents)
 
 
-def test_images_of_both_cameras_are_those_of_the_bridge_without_ros(
-    probe: Probe, ros1_session: Ros1, sim: Client, gl: str
-) -> None:
-    topics = [name for name in TYPES if "camera" in name]
-    assert len(topics) == 8
-    for topic in topics:
-        probe.subscribe(topic, TYPES[topic])
-    with running(Config(port=ros1_session.port), reference := Recorder()):
-        wait_until(lambda: {*topics} <= {*probe.counts()})
-        reference.agree(lambda name: received(probe, name), topics, sim.pause().time)
-    for camera in ("front", "rear"):
-        info, raw = (received(probe, f"{camera}_camera/{name}") for name in ("camera_info", "image_raw"))
-        spec = load_vehicle("nigel").cameras[camera].intrinsics
-        assert (raw["width"], raw["height"], raw["encoding"]) == (spec.width, spec.height, "rgb8")
-        np.testing.assert_allclose([info["K"][0], info["K"][2]], [spec.fx, spec.cx - 0.5], rtol=1e-9)
-    for topic in topics:
-        probe.unsubscribe(topic)
-
-
 def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(probe: Probe, sim: Client) -> None:
     twist = {"linear": {"x": 0.2}, "angular": {"z": 0.4}}
     for topic, kind, value in (
@@ -153,15 +131,6 @@ def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(probe:
         probe.publish(f"{VEHICLE}/{topic}", kind, None)
         wait_until(lambda: abs(sim.wait().vehicles["V1"].speed) < 1e-3)
     assert sim.frame.vehicles["V1"].throttle == 0.0
-
-
-def test_topics_set_the_weather_and_the_time_of_day(probe: Probe, sim: Client) -> None:
-    topics = {"weather_id": 6, "time_of_day": 1140}  # heavy rain at 19:00
-    for name, value in topics.items():
-        probe.publish(f"/autodrive/environment/{name}", "std_msgs/Int32", value)
-    wait_until(lambda: (f := sim.wait()).weather is not None and f.weather.rain == 0.8 and f.time_of_day == 68400.0)
-    for name in topics:
-        probe.publish(f"/autodrive/environment/{name}", "std_msgs/Int32", None)
 
 
 def test_markers_are_drawn(ros1_session: Ros1, probe: Probe, sim: Client) -> None:
@@ -189,22 +158,6 @@ def test_the_examples_and_the_program_of_the_document_drive(ros1_session: Ros1, 
         wait_until(lambda: sim.wait().vehicles["V1"].throttle == 0.0)
 
 
-def test_keys_drive(ros1_session: Ros1, sim: Client) -> None:
-    keyboard, terminal = pty.openpty()
-    try:
-        with ros1_session.launch("teleop.launch", stdin=terminal) as program:
-            program.wait_for("further left")
-            os.write(keyboard, b"wwali")
-            wait_until(lambda: sim.wait().vehicles["V1"].throttle == pytest.approx(0.4))
-            wait_until(lambda: sim.wait().vehicles["V1"].steering == pytest.approx(0.2 * math.radians(30.0), rel=1e-3))
-            wait_until(lambda: (v := sim.wait().vehicles["V1"].lights).indicators == 1 and v.headlights == 1)
-            os.write(keyboard, b"x")
-            wait_until(lambda: (v := sim.wait().vehicles["V1"]).throttle == 0.0 and abs(v.steering) < 1e-6)
-    finally:
-        os.close(keyboard)
-        os.close(terminal)
-
-
 def test_the_devkit_mode_has_the_names_and_signs_of_its_profile(ros1_session: Ros1, sim: Client, probe: Probe) -> None:
     """With the profile 2020, through the arguments of the launch file."""
     port, root = free_port(), "/autodrive/ego_vehicle"
@@ -224,16 +177,6 @@ def test_the_devkit_mode_has_the_names_and_signs_of_its_profile(ros1_session: Ro
         for name in ("throttle", "steering"):
             probe.publish(f"/devkit{root}/{name}_command", "std_msgs/Float32", None)
         sim.disconnect_bridge()
-
-
-def test_the_bridge_continues_after_a_restart_of_the_simulator(probe: Probe, ros1_session: Ros1) -> None:
-    ros1_session.restart_simulator()
-    count = probe.counts()[f"{VEHICLE}/lidar"]
-    probe.latest(f"{VEHICLE}/lidar", count + 1)
-    with client(ros1_session.port) as sim:
-        publish(probe, throttle=0.5)
-        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.05)
-        publish(probe, throttle=None)
 
 
 def test_the_bridge_continues_after_a_restart_of_the_master(probe: Probe, ros1_session: Ros1, sim: Client) -> None:

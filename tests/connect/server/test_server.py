@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 
 import autodrive
-from autodrive import Command, Simulation
+from autodrive import Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
@@ -211,31 +211,6 @@ def test_a_pause_and_a_step_can_be_requested_together(one: NativeClient) -> None
     pause, step = one.begin("Pause"), one.begin("Step", ticks=3)
     assert one.answer(step)["frame"]["tick"] - 3 >= 0
     assert pause < step
-
-
-def test_steps_of_a_client_equal_those_of_a_world_in_the_process(
-    server: SimulationServer, simulation: Simulation
-) -> None:
-    commands = [{"V1": Command(0.3 + 0.01 * n, 0.2 * (-1) ** n)} for n in range(60)]
-    with native_client(server) as script:
-        script.ask("Pause")
-        script.ask("SetDrivingMode", vehicle="V1", is_autonomous=True)
-        script.ask("Reset", seed=3)
-        script.send("Subscribe", frame_rate=0.0)
-        over_wire = [
-            script.ask("Step", commands={"V1": {"throttle": its.throttle, "steering": its.steering}})["frame"]
-            for (its,) in (command.values() for command in commands)
-        ]
-    own = autodrive.make("plane")
-    own.reset(3)
-    own.set_driving_mode("V1", True)
-    mine = own.frame
-    for command, frame in zip(commands, over_wire, strict=True):
-        mine = own.step(command)
-        theirs = frame["vehicles"]["V1"]
-        assert frame["tick"] == mine.tick
-        assert theirs["pose"]["position"] == tuple(mine.vehicles["V1"].pose.position)
-        assert theirs["imu"]["linear_acceleration"] == tuple(mine.vehicles["V1"].imu.linear_acceleration)
 
 
 def test_a_reset_keeps_all_clients(server: SimulationServer, one: NativeClient) -> None:

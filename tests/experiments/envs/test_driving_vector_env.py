@@ -37,34 +37,6 @@ def equal(a: Any, b: Any) -> bool:
 CONDITIONS = {"friction": (0.6, 1.0), "mass": (0.9, 1.2), "noise": (0.0, 2.0), "latency": (0.0, 0.06)}
 
 
-@pytest.mark.parametrize("observation", ["lidar", "state"])
-def test_a_vector_environment_with_traffic_has_the_bits_of_single_ones(observation: str) -> None:
-    settings: dict[str, Any] = {"observation": observation, "traffic": 8, "max_episode_steps": 60, "frame_skip": 10}
-    settings["offence_cost"] = 0.3
-    ours = vector_env("NigelLaneKeeping-v0", 2, autoreset_mode=AutoresetMode.SAME_STEP, **settings)
-    theirs = SyncVectorEnv(
-        [lambda: gymnasium.make("autodrive:NigelLaneKeeping-v0", **settings)] * 2,
-        autoreset_mode=AutoresetMode.SAME_STEP,
-    )
-    assert ours.observation_space == theirs.observation_space
-    assert equal(ours.reset(seed=5), theirs.reset(seed=5))
-    starts = ours.batch.readings.position[:, 1:].copy()
-    ends = 0
-    for _ in range(130):
-        actions = np.tile(np.array([0.3, 0.0], np.float32), (2, 1))
-        step = ours.step(actions)
-        assert equal(step, theirs.step(actions))
-        ends += int((step[2] | step[3]).sum())
-    assert ends >= 2
-    assert ours.batch.vehicle_names == ["V1", *(f"traffic_{k}" for k in range(1, 9))]
-    again = ours.batch.readings.position[:, 1:]
-    assert (np.linalg.norm(again - starts, axis=2) > 0.5).mean() > 0.5  # other places in another episode
-    with pytest.raises(SpecError, match="traffic: must be a whole number from 0 to 50, not 51"):
-        vector_env("NigelLaneKeeping-v0", 2, traffic=51)
-    with pytest.raises(SpecError, match="traffic: map 'plane' has no closed way of lanes"):
-        gymnasium.make("autodrive:NigelNavigation-v0", traffic=1)
-
-
 def test_offences_are_counted_and_cost_what_was_chosen() -> None:
     """Drivers who follow the lane past all lights and signs, one of them in a single environment."""
     settings: dict[str, Any] = {"frame_skip": 10, "max_episode_steps": None}
@@ -145,15 +117,6 @@ def test_a_task_keeps_the_weather_of_its_scenario() -> None:
     envs = DrivingVectorEnv(2, task)
     envs.reset(seed=1)
     assert [one.snow for one in envs.batch.weathers] == [0.4, 0.4]
-
-
-def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
-    one, two = (vector_env("NigelNavigation-v0", 40, threads=threads, max_episode_steps=8) for threads in (1, 2))
-    assert equal(one.reset(seed=3), two.reset(seed=3))
-    one.action_space.seed(1)
-    for _ in range(20):
-        actions = one.action_space.sample()
-        assert equal(one.step(actions), two.step(actions))
 
 
 def test_what_was_returned_is_not_written_again() -> None:

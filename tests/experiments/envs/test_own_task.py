@@ -41,24 +41,6 @@ def no_reward(step: Step) -> Any:
     return np.zeros(len(step.steps))
 
 
-def test_one_environment_and_many_have_the_same_bits(hall: Track) -> None:
-    settings: dict[str, Any] = {"track": hall, "reward": reward, "end": end, "observation": "state"}
-    many = gymnasium.make_vec(RACER, 3, autoreset_mode="SameStep", **settings)
-    single = gymnasium.make(RACER, **settings)
-    many.reset(seed=4)
-    single.reset(seed=5)
-    rng, ends = np.random.default_rng(2), 0
-    for _ in range(60):
-        actions = rng.uniform((0.0, -1.0), (0.4, 1.0), (3, 2)).astype(np.float32)
-        _, rewards, terminated, _, _ = many.step(actions)
-        _, its_reward, has_ended, _, _ = single.step(actions[1])
-        assert (its_reward, has_ended) == (rewards[1], terminated[1])
-        ends += has_ended
-        if has_ended:
-            single.reset()
-    assert ends > 0  # the end of the user, far from any wall
-
-
 def test_the_measures_are_those_of_the_projection_on_the_track(hall: Track) -> None:
     """The centre line of the environment has a point each 5 cm, between which the projection is linear."""
     seen: list[Step] = []
@@ -111,24 +93,6 @@ def test_cars_start_where_they_fit_on_a_map_with_obstacles(tmp_path: Path) -> No
     x = envs.unwrapped.batch.readings.position[:, 0, :2]
     assert x.std() > 0.5
     assert np.linalg.norm(x - (0.6, 0.0), axis=1).min() > 0.2
-
-
-def test_a_car_off_the_road_is_seen_by_one_environment_and_by_many() -> None:
-    settings: dict[str, Any] = {
-        "map": "oval",
-        "end": lambda step: step.has_collided,
-        "reward": lambda step: 1.0 * step.is_off_road,
-    }
-    many = gymnasium.make_vec(LANE, 1, **settings)
-    single = gymnasium.make(LANE, **settings)
-    many.reset(seed=1)
-    single.reset(seed=1)
-    rewards = []
-    for _ in range(60):
-        rewards.append(many.step(np.array([[1.0, 0.0]], np.float32))[1][0])
-        assert rewards[-1] == single.step(np.array([1.0, 0.0], np.float32))[1]
-    assert rewards[0] == 0.0
-    assert 1.0 in rewards
 
 
 @pytest.mark.parametrize(

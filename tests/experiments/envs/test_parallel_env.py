@@ -25,28 +25,6 @@ def test_the_tests_of_pettingzoo_pass(kind: Any, settings: dict[str, Any], more:
         parallel_seed_test(lambda: kind(**settings, **more), num_cycles=5)
 
 
-def test_reset_equals_a_fresh_world_in_every_bit() -> None:
-    used, fresh = DrivingParallelEnv(3), DrivingParallelEnv(3)
-    ahead = dict.fromkeys(used.possible_agents, np.array([1.0, 0.4], np.float32))
-    used.reset(seed=1)
-    for _ in range(20):
-        used.step({agent: ahead[agent] for agent in used.agents})
-    for _ in range(5):
-        assert bits(used.reset(seed=7)) == bits(fresh.reset(seed=7))
-        assert bits(used.step(ahead)) == bits(fresh.step(ahead))
-
-
-def test_each_episode_has_its_own_weather() -> None:
-    env = DrivingParallelEnv(2, fog=(0.2, 1.0))
-    fogs = []
-    for seed in (1, None, 1):
-        env.reset(seed=seed)
-        assert env.frame.weather is not None
-        fogs.append(env.frame.weather.fog)
-    assert fogs[0] == fogs[2] != fogs[1]
-    assert 0.2 <= min(fogs) < max(fogs) <= 1.0
-
-
 def test_a_car_whose_episode_has_ended_stays_and_the_others_drive_on() -> None:
     env = DrivingParallelEnv(4, observation="state")
     env.reset(seed=3)

@@ -20,7 +20,7 @@ from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
 from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
-from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
+from autodrive.experiments.envs.roboracer_env import RoboRacerEnv
 from autodrive.experiments.envs.time_trial import FAILURE
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.generate import generate_track
@@ -227,25 +227,6 @@ def races(count: int, **settings: Any) -> Any:
     )
 
 
-def test_races_of_a_vector_environment_have_the_bits_of_parallel_ones() -> None:
-    """Environment k is car k % 3 of world k // 3, with its own conditions."""
-    conditions = {"friction": (0.8, 1.2), "mass": (0.8, 1.2), "noise": 1.0, "latency": (0.0, 0.03)}
-    many = races(6, cars=3, autoreset_mode="SameStep", **conditions)
-    worlds = [RaceParallelEnv(3, laps=1, **conditions) for _ in range(2)]
-    seen, _ = many.reset(seed=5)
-    firsts = [world.reset(seed=5 + k)[0] for k, world in enumerate(worlds)]
-    assert seen.tolist() == [first[f"V{i}"].tolist() for first in firsts for i in (1, 2, 3)]
-    for step in range(60):
-        actions = np.array([action_for(one, 1.0 + 0.2 * (k % 3)) for k, one in enumerate(seen)])
-        seen, reward, terminated, truncated, _ = many.step(actions)
-        expected = [world.step({f"V{i + 1}": actions[3 * k + i] for i in range(3)}) for k, world in enumerate(worlds)]
-        assert seen.tolist() == [one[0][f"V{i}"].tolist() for one in expected for i in (1, 2, 3)], step
-        assert reward.tolist() == [one[1][f"V{i}"] for one in expected for i in (1, 2, 3)]
-        assert not terminated.any()
-        assert not truncated.any()
-    assert (many.distance > 0.5 - 3.0).all()
-
-
 def test_the_cars_of_a_world_are_truncated_together_whatever_steps_were_written() -> None:
     many = races(4, cars=2, autoreset_mode="SameStep", max_episode_steps=9)
     many.reset(seed=1)
@@ -305,18 +286,6 @@ def test_a_mask_does_not_separate_the_cars_of_a_world() -> None:
     with pytest.raises(ValueError, match="the same for all cars of a world"):
         many.reset(options={"reset_mask": np.array([True, False, False, False])})
     many.reset(options={"reset_mask": np.array([True, True, False, False])})
-
-
-def test_each_episode_has_its_own_weather() -> None:
-    vector = RoboRacerVectorEnv(3, rain=(0.2, 1.0), threads=1)
-    vector.reset(seed=1)
-    dry = RoboRacerVectorEnv(3, threads=1)
-    dry.reset(seed=1)
-    friction = vector.batch.worlds.wheels["forward"][:, 0, 1] / dry.batch.worlds.wheels["forward"][:, 0, 1]
-    assert len({*friction.tolist()}) > 1
-    assert ((friction >= 0.7) & (friction <= 0.9)).all()
-    with pytest.raises(SpecError, match="fog"):
-        RoboRacerVectorEnv(1, fog=(0.0, 2.0))
 
 
 def test_tracks_need_no_folder_that_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
@@ -37,45 +37,6 @@ def test_the_tests_of_pettingzoo_pass(kind: Any, variant: str) -> None:
         warnings.simplefilter("error")
         parallel_api_test(kind(variant=variant, max_episode_steps=15), num_cycles=30)
         parallel_seed_test(lambda: kind(variant=variant), num_cycles=5)
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize(("vector", "parallel", "cars"), KINDS)
-def test_a_world_of_a_vector_environment_has_the_bits_of_a_parallel_one(
-    vector: Any, parallel: Any, cars: int, variant: str
-) -> None:
-    envs = vector(2 * cars, variant=variant, frame_skip=20, max_episode_steps=40, threads=2)
-    singles = [parallel(variant=variant, frame_skip=20, max_episode_steps=40) for _ in range(2)]
-    observations, _ = envs.reset(seed=7)
-    for k, one in enumerate(singles):
-        assert data_equivalence([*one.reset(seed=7 + k)[0].values()], [*observations[k * cars : (k + 1) * cars]], True)
-    envs.action_space.seed(1)
-    is_over, ends = np.zeros(2, np.bool_), 0
-    for _ in range(90):
-        actions, live = envs.action_space.sample(), envs.is_live.copy()
-        observations, reward, terminated, truncated, info = envs.step(actions)
-        for k, one in enumerate(singles):
-            rows = range(k * cars, (k + 1) * cars)
-            if is_over[k]:  # this step was the reset
-                ends += 1
-                seen, rewards, infos = one.reset()[0], dict.fromkeys(one.agents, 0.0), {}
-            else:
-                given = dict(zip(one.possible_agents, actions[[*rows]], strict=True))
-                seen, rewards, ended, late, infos = one.step({agent: given[agent] for agent in one.agents})
-                assert [ended.get(agent, True) for agent in one.possible_agents] == (~envs.is_live[[*rows]]).tolist()
-                assert any(late.values()) == truncated[[*rows]].any()
-            for row, agent in zip(rows, one.possible_agents, strict=True):
-                assert (agent in seen) == (live[row] or bool(is_over[k]))
-                if agent not in seen:
-                    assert (observations[row].any(), reward[row]) == (False, 0.0)
-                    continue
-                assert seen[agent].tobytes() == observations[row].tobytes()
-                assert rewards[agent] == reward[row]
-                if infos:
-                    assert infos[agent]["is_success"] == info["is_success"][row]
-        is_over = (terminated | truncated).reshape(2, cars).all(axis=1)
-        assert (is_over == (terminated | truncated).reshape(2, cars).any(axis=1)).all()
-    assert ends >= 3
 
 
 def test_one_car_alone_is_refused() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 from collections.abc import Iterator
 from concurrent.futures import Future
 
@@ -25,8 +24,8 @@ from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
-from autodrive.world.cameras import camera_rig, scene_rig
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.cameras import camera_rig, scene_rig
 from tests.graphics.cameras.conftest import Clock, messages, stopped
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
@@ -129,24 +128,6 @@ def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene
     with pytest.raises(AutodriveError, match="client has left"):
         left.result(LIMIT)
     assert scene.draw(5, BIRD, world.frame).result(LIMIT)
-
-
-def test_if_the_worker_dies_a_new_one_draws_the_image_and_one_line_is_logged(
-    scene: SceneViews, world: World, caplog: pytest.LogCaptureFixture
-) -> None:
-    first = scene.draw(1, DRIVER, world.frame).result(LIMIT).answer
-    pid = scene.process.pid
-    os.kill(pid, signal.SIGSTOP)
-    running = scene.draw(1, DRIVER, world.frame)
-    wait_until(running.running)
-    os.kill(pid, signal.SIGKILL)
-    assert running.result(LIMIT).answer == first
-    assert scene.process.error == ""
-    assert scene.process.pid != pid
-    os.kill(scene.process.pid, signal.SIGKILL)  # between two images
-    assert scene.draw(1, DRIVER, world.frame).result(LIMIT).answer == first
-    assert len(messages(caplog)) == 2
-    assert all("SIGKILL" in message for message in messages(caplog))
 
 
 def test_without_opengl_every_image_fails_with_the_packages_to_install(

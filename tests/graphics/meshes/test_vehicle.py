@@ -13,7 +13,7 @@ from autodrive.base.transforms import compose, rotate
 from autodrive.graphics.assets.asset import Asset, AssetNode, Detail
 from autodrive.graphics.meshes.vehicle import vehicle_asset
 from autodrive.physics.actuators.lights import LAMPS
-from autodrive.physics.sensors.camera import OPTICAL
+from autodrive.physics.sensors.camera.camera import OPTICAL
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 
@@ -67,11 +67,6 @@ def corners(asset: Asset, detail: Detail, **signals: float) -> dict[str, Floats]
 
 def node_of(asset: Asset, name: str) -> AssetNode:
     return next(node for node in asset.nodes if node.name == name)
-
-
-def reach(asset: Asset, name: str, detail: Detail = "full") -> Floats:
-    """Size of a node's bounding box [m]."""
-    return np.ptp(corners(asset, detail)[name].reshape(-1, 3), axis=0)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from autodrive.base.yaml_files import parse
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuNoise, ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8, LidarNoise
 from autodrive.physics.sensors.noise import NoiseSpec, corrupt
 from autodrive.physics.sensors.random_stream import new_stream
 from autodrive.physics.sensors.settings import configured_sensors
@@ -23,8 +23,6 @@ from autodrive.protocol.codec import encode
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import BOX, Solid, scene
-
-UST_10LX = LidarNoise(sigma=0.01, step=0.001)
 
 
 def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import autodrive
 from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.base.errors import AutodriveError
-from autodrive.base.yaml_files import find, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.protocol.messages import (
     AddBox,
@@ -39,11 +39,9 @@ from autodrive.protocol.messages import (
     UseMap,
 )
 from autodrive.protocol.native import MapScene
-from autodrive.recording import Recorder
-from autodrive.recording import open as open_recording
-from autodrive.recording.resimulation import resimulate
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
-from autodrive.scenario.maps.spec import MapSpec
+from autodrive.scenario.maps.spec import MAX_PLACEMENTS, MapSpec
 from autodrive.world import World
 from autodrive.world.editing.map_edits import edited_map, own_map, parts_of
 from autodrive.world.editing.map_scene import map_scene
@@ -425,27 +423,6 @@ def test_a_module_of_a_file_stays_in_a_map_that_is_edited(tmp_path: Path) -> Non
     assert str(tmp_path / "mine.yaml") in building.scene.modules
 
 
-def test_building_is_recorded_and_simulated_again(tmp_path: Path) -> None:
-    simulation = Simulation(new_world("plane"), speed=None, load=new_world)
-    with Recorder(tmp_path / "run.mcap", simulation, has_meshes=False) as recorder:
-        for operation in (
-            EditMap({"w": WALL}),
-            EditMap(dict(CURVES)),
-            EditMap({"curve_1": None}),
-            Undo(),
-            UseMap("mini_map"),
-            Undo(),
-        ):
-            simulation.submit("V1", Command(0.5, 0.2), "script")
-            simulation.run(0.1)
-            simulation.request(operation)
-        simulation.run(0.5)
-    assert recorder.error == ""
-    with open_recording(tmp_path / "run.mcap") as recording:
-        assert len(recording.scenarios) == 7
-        assert str(resimulate(recording)) == "identical"
-
-
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town", "plane"])
 def test_a_map_that_is_taken_apart_and_put_together_is_the_same(name: str) -> None:
     """Each part is replaced by what a client was told of it."""
@@ -501,3 +478,16 @@ def test_any_sequence_of_edits_is_undone_and_its_map_can_be_saved(edits: list[Op
         building.ask(Redo())
         count -= 1
     assert building.simulation.map_text() == last
+
+
+def test_a_module_too_many_is_refused_and_nothing_is_lost() -> None:
+    building = Building()
+    lawns: dict[str, MapPart | None] = {
+        f"lawn_{i}": MapModule("lawn", 2.0 * (i % 30), 2.0 * (i // 30), length=1.0, width=1.0)
+        for i in range(MAX_PLACEMENTS)
+    }
+    building.ask(EditMap(lawns))
+    with pytest.raises(AutodriveError, match="1000"):
+        building.ask(EditMap({"another": MapModule("lawn", -4.0, -4.0)}))
+    assert {*building.scene.parts} == {*lawns}
+    assert building.simulation.undo_name == "add 1000 parts of the map"

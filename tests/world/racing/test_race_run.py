@@ -21,12 +21,12 @@ import yaml
 
 from autodrive import Client, Command, recording
 from autodrive.base.errors import AutodriveError, CommandError, SpecError
-from autodrive.base.yaml_files import find
 from autodrive.connect.devkit import RoboRacer, Server
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import Frame
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import Run, RunObserver, StopRequest
+from autodrive.scenario.kinds import find
 
 GAP: Callable[..., tuple[float, float]] = runpy.run_path(
     str(Path(__file__).parents[3] / "examples" / "racing" / "follow_the_gap.py")

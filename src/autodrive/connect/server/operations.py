@@ -85,7 +85,7 @@ class ServerOperations:
 
     def _vehicle_description(self, request: native.DescribeVehicle) -> Answer:
         """The answer with the URDF of a vehicle."""
-        from autodrive.world.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
+        from autodrive.world.views.scene_files import vehicle_urdf  # noqa: PLC0415  imports what draws meshes
 
         world, name = self._served.simulation.world, request.vehicle
         if name not in world.vehicle_specs:
@@ -117,6 +117,6 @@ def _weather_text(frame: messages.Frame, ground: Any) -> str:
 
 @lru_cache(maxsize=1)
 def _weather_numbers(weather: messages.Weather, ground: Any, is_day: bool | None) -> str:
-    from autodrive.world.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
+    from autodrive.world.views.weather_numbers import weather_numbers  # noqa: PLC0415  it imports the batch
 
     return weather_numbers(weather, ground, is_day=is_day)

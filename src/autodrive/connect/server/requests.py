@@ -194,7 +194,7 @@ class Requests:
             if world := self._simulation.prepare(operation.name):
                 self._broadcast.prepare(world)
         elif isinstance(operation, AddBox):
-            from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
+            from autodrive.world.views.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
 
             world = self._simulation.world
             edited(world.spec, world.boxes, operation)

@@ -24,9 +24,9 @@ from autodrive.recording.replay.forces import ForcesAgain
 from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
 from autodrive.recording.replay.tape import Tape
-from autodrive.world.cameras import process_cameras
 from autodrive.world.factory import new_world
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.cameras import process_cameras
+from autodrive.world.views.scene_files import SceneFiles
 
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
