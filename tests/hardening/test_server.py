@@ -24,7 +24,7 @@ from autodrive.connect.server.bridge_control import BridgeControl
 from autodrive.connect.server.connections import HttpProtocol
 from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
-from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import AddBox, Collision, Frame, SetSpeed
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
@@ -639,33 +639,6 @@ def test_the_server_closes_while_a_client_neither_reads_nor_leaves(
 
 
 # -- inside --------------------------------------------------------------------------------------------------------
-
-
-def test_frames_go_on_where_scene_cameras_cannot_start(caplog: pytest.LogCaptureFixture) -> None:
-    made = []
-
-    def factory(world: World) -> Any:
-        made.append(world)
-        if len(made) > 1:
-            raise OSError("no more processes")
-        return scene_renderer_factory()(world)
-
-    simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
-    scenarios = {"two_cars": "Two cars"}
-    with (
-        SimulationServer(
-            Served(simulation, scene_files, scenarios=scenarios, renderer_factory=factory),
-            PageOptions(port=free_port()),
-        ) as server,
-        simulation,
-        native_client(server) as client,
-    ):
-        client.until("Frame")
-        client.ask("SetCamera", camera="Bird's Eye", width=64)
-        assert client.ask("LoadScenario", name="two_cars")["type"] == "Response"
-        client.until(lambda message: message["type"] == "Frame" and "V2" in message["vehicles"])
-        simulation.stop()
-    assert "no more processes" in caplog.text
 
 
 def test_events_that_wait_for_the_server_are_bounded(simulation: Simulation) -> None:

@@ -267,19 +267,6 @@ def test_rivalry_rewards_what_a_car_gains_on_the_others() -> None:
         assert own[0] > own[2] > 0.0 or step < 39
 
 
-@pytest.mark.parametrize(
-    ("count", "settings", "message"),
-    [
-        (3, {"cars": 2}, "num_envs: with 2 cars in a world it must be a multiple, not 3"),
-        (9, {"cars": 9}, "cars: must be a whole number from 1 to 8, not 9"),
-        (2, {"rivalry": 0.5}, "rivalry: must be a number from 0 to 10, and 0 for a single car, not 0.5"),
-    ],
-)
-def test_wrong_settings_of_a_race_are_named(count: int, settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(SpecError, match=message):
-        races(count, **settings)
-
-
 def test_a_mask_does_not_separate_the_cars_of_a_world() -> None:
     many = races(4, cars=2, autoreset_mode="Disabled")
     many.reset(seed=1)
