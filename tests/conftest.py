@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
+import time
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -52,46 +55,27 @@ WITHOUT_TOOLCHAIN = {
 SECOND_BROWSER = {"test_edit.py", "test_load.py", "test_screens.py", "test_view.py"}
 """Files of tests/page that have a browser and a simulator of their own: together they take as long as the others."""
 
-SLOWEST_FIRST = (
-    "page",
-    "second browser",
-    "ros1",
-    "ros2",
-    "experiments/policies/test_learning.py",
-    "experiments/policies/test_team.py",
-    "connect/bridge/test_devkit_scripts.py",
-    "test_commands.py",
-    "hardening/test_recordings.py",
-    "hardening/test_files.py",
-    "hardening/test_processes.py",
-    "hardening/test_disk.py",
-    "clients",
-    "test_documentation.py",
-    "experiments/campaigns/test_ray.py",
-    "graphics/meshes/test_map.py",
-    "hardening/test_bridge.py",
-    "connect/devkit/test_python_examples.py",
-    "world/racing/test_race_run.py",
-    "graphics/cameras/test_process_cameras.py",
-    "test_processors.py",
-    "connect/bridge/test_devkit_bridge.py",
-    "cli/test_cli.py",
-    "cli/test_cli_cameras.py",
-    "world/batch/test_batch_world.py",
-    "graphics/cameras/test_batch_camera.py",
-    "graphics/cameras/test_tick_cameras.py",
-    "hardening/test_crowd.py",
-    "hardening/test_machine.py",
-    "test_determinism.py",
-    "test_page_logic.py",
-)
-"""Groups that start first, so that no worker begins a long one when the others are done."""
+GROUP_SECONDS = TESTS / "group_seconds.json"
+"""Seconds of the slow groups, a copy of the file below. The slowest group starts first, so that no worker begins a long
+one when the others are done."""
+LAST_GROUP_SECONDS = TESTS.parent / ".venv" / "group_seconds.json"
+"""Seconds of the groups in the last run. After a run of all tests this file can replace the one above."""
+LEAST_SECONDS = 5.0
+"""Shorter groups are not noted."""
+
+TOOLCHAINS = os.environ.get("AUTODRIVE_TOOLCHAINS")
+"""A file that scripts/test makes when the browser and the toolchains are installed."""
+LIMIT = 1800.0
+"""Time after which a test no longer waits for that file [s]."""
+FIRST = 4
+"""Number of groups without a toolchain that start before the others: on a new machine these have to wait for it."""
 
 ACCEPTED_SKIPS = ("no small file system can be mounted", "this processor has no AVX-512")
 """Beginnings of the reasons for which a test may be skipped where CI is set; any other skip fails the run."""
 
 _refused: list[str] = []
 _failed: list[str] = []
+_group_seconds: defaultdict[str, float] = defaultdict(float)
 
 
 def group_of(file: str) -> str:
@@ -107,11 +91,15 @@ def group_of(file: str) -> str:
     return directory if directory == "clients" else file
 
 
+def group_of_id(nodeid: str) -> str:
+    return group_of(nodeid.partition("::")[0].removeprefix("tests/"))
+
+
 class GroupScheduling(LoadScopeScheduling):
     """Sends the tests of a group to the same worker."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return group_of(nodeid.partition("::")[0].removeprefix("tests/"))
+        return group_of_id(nodeid)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -141,20 +129,35 @@ def pytest_collection_finish() -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test by its directory, and put the slow groups first."""
-    order = {group: rank for rank, group in enumerate(SLOWEST_FIRST)}
-
-    def rank(item: pytest.Item) -> int:
-        return order.get(group_of(item.path.relative_to(TESTS).as_posix()), len(order))
-
+    waiting = set()
     for item in items:
         marker = marker_of(item.path)
         if marker is not None:
             item.add_marker(marker)
-    items.sort(key=rank)
+        if needs_toolchain(item):
+            waiting.add(group_of_id(item.nodeid))
+    seconds: dict[str, float] = json.loads(GROUP_SECONDS.read_text())
+    slowest = sorted(seconds, key=lambda group: -seconds[group])
+    first = [group for group in slowest if group not in waiting][:FIRST]
+    order = {group: rank for rank, group in enumerate(dict.fromkeys([*first, *slowest]))}
+    items.sort(key=lambda item: order.get(group_of_id(item.nodeid), len(order)))
+
+
+def needs_toolchain(item: pytest.Item) -> bool:
+    return any(item.iter_markers("browser")) or any(item.iter_markers("toolchain"))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Wait until scripts/test has installed what the test needs."""
+    deadline = time.monotonic() + LIMIT
+    while TOOLCHAINS and needs_toolchain(item) and not Path(TOOLCHAINS).exists() and time.monotonic() < deadline:
+        time.sleep(0.2)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """With CI=true a skip that is not in the list is an error: it would hide a test that never runs."""
+    _group_seconds[group_of_id(report.nodeid)] += report.duration
     if report.failed and report.nodeid not in _failed:
         _failed.append(report.nodeid)
     if report.skipped and IS_CI and not hasattr(report, "wasxfail"):
@@ -174,7 +177,10 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     if hasattr(session.config, "workerinput"):
         return
     if FAILED.parent.is_dir():
-        FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {one}" for one in _refused))))
+        FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {name}" for name in _refused))))
+        slowest = sorted(_group_seconds.items(), key=lambda entry: -entry[1])
+        noted = {group: round(spent) for group, spent in slowest if spent >= LEAST_SECONDS}
+        LAST_GROUP_SECONDS.write_text(json.dumps(noted, indent=1) + "\n")
     if _refused:
         session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 

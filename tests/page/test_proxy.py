@@ -14,7 +14,6 @@ import pytest
 from tests.support.page import ROOT, NewTab, PageServer
 from tests.support.waiting import free_port, wait_until
 
-NGINX = shutil.which("nginx", path="/usr/local/sbin:/usr/sbin:/usr/bin:/bin")
 SETTINGS = re.search(r"```nginx\n(.*?)```", (ROOT / "docs" / "proxy.md").read_text(), re.DOTALL)
 CONFIGURATION = """
 daemon off;
@@ -41,7 +40,8 @@ Nginx = Callable[[str], str]
 @pytest.fixture
 def nginx(plane: PageServer, tmp_path: Path) -> Iterator[Nginx]:
     """Starts nginx with these settings, in which 8730 is the port of the simulator; returns its address."""
-    assert NGINX is not None, "nginx is not installed: scripts/test-tools"
+    program = shutil.which("nginx", path="/usr/local/sbin:/usr/sbin:/usr/bin:/bin")
+    assert program is not None, "nginx is not installed: scripts/test-tools"
     with contextlib.ExitStack() as stack:
 
         def start(location: str) -> str:
@@ -49,7 +49,7 @@ def nginx(plane: PageServer, tmp_path: Path) -> Iterator[Nginx]:
             configuration = tmp_path / "nginx.conf"
             location = location.replace("8730", str(plane.server.port))
             configuration.write_text(CONFIGURATION.format(folder=tmp_path, port=port, location=location))
-            process = subprocess.Popen([str(NGINX), "-e", str(tmp_path / "error.log"), "-c", str(configuration)])
+            process = subprocess.Popen([program, "-e", str(tmp_path / "error.log"), "-c", str(configuration)])
             stack.callback(process.wait)
             stack.callback(process.terminate)
             wait_until((tmp_path / "nginx.pid").exists)

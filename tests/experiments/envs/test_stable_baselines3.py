@@ -12,13 +12,12 @@ import pytest
 ROOT = Path(__file__).parents[3]
 PYTHON = ROOT / ".venv-sb3/bin/python"
 
-pytestmark = [
-    pytest.mark.toolchain,
-    pytest.mark.skipif(not PYTHON.exists(), reason="Stable-Baselines3 is not installed: scripts/stable-baselines3"),
-]
+pytestmark = pytest.mark.toolchain
 
 
 def run(*arguments: str, folder: Path) -> str:
+    if not PYTHON.exists():
+        pytest.skip("Stable-Baselines3 is not installed: scripts/stable-baselines3")
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     command = [str(PYTHON), *arguments]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

@@ -110,6 +110,7 @@ def poses(text: str, **angles: float) -> dict[str, Matrix]:
     return found
 
 
+@pytest.mark.toolchain
 def test_the_parser_of_ros_accepts_it(text: str, tmp_path: Path) -> None:
     check = shutil.which("check_urdf")
     if check is None:
