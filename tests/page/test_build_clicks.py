@@ -62,7 +62,7 @@ def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: Page
     assert tab.page.evaluate("() => window.clicks") <= 25
     built = plane.simulation.world.map
     # the plane is paved; poses are rounded to 1 um, the edges of the roads are 40 m long
-    roads = shapely.union_all([one.drivable for one in built.modules], grid_size=1e-6)
+    roads = shapely.union_all([module.drivable for module in built.modules], grid_size=1e-6)
     shipped = shapely.transform(load_map("figure_eight").drivable, lambda points: np.add(points, (x, y)))
     assert shapely.symmetric_difference(roads, shipped).area < 1e-4
     assert all(lane.successors for lane in built.lane_graph.lanes)

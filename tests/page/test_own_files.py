@@ -63,7 +63,7 @@ def test_a_dropped_map_of_map_server_becomes_a_track(plane: PageServer, new_tab:
     track = track_of(plane)
     assert track is not None
     assert track.length == pytest.approx(given.length, rel=0.02)
-    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in one.walls]) for one in (track, given)]
+    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in each.walls]) for each in (track, given)]
     assert shapely.hausdorff_distance(*lines, densify=0.02) < 0.05  # a pixel
     tab.get("picture").wait_for(state="detached")
     tab.wait_until(lambda: tab.value("store.scene.value.track_scene?.is_exact") is False)

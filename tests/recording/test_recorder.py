@@ -88,8 +88,8 @@ def test_chunks_that_are_mostly_images_get_little_compression(tmp_path: Path) ->
         writer = mcap.Writer(file, file.write(mcap.header("")))
         for share in (0, 10, 20):  # of the messages
             chunk = mcap.Chunk()
-            for i, one in enumerate(data):
-                chunk.add(mcap.McapMessage(1, i, i, 0, one), is_packed=i < share)
+            for i, text in enumerate(data):
+                chunk.add(mcap.McapMessage(1, i, i, 0, text), is_packed=i < share)
             contents.append(bytes(chunk.data))
             writer.chunk(chunk)
         writer.finish()
@@ -97,7 +97,7 @@ def test_chunks_that_are_mostly_images_get_little_compression(tmp_path: Path) ->
     for content, level in zip(contents, (mcap.LEVEL, mcap.LEVEL, mcap.PACKED_LEVEL), strict=True):
         assert zstandard.ZstdCompressor(level=level).compress(content) in written
     reader = mcap.Reader(path)
-    assert [[one.data for one in reader.messages(i)] for i in range(3)] == [data] * 3
+    assert [[record.data for record in reader.messages(i)] for i in range(3)] == [data] * 3
     reader.close()
 
 

@@ -43,7 +43,7 @@ def make(task: str, **settings: Any) -> DrivingEnv:
 def values(env: DrivingEnv, observation: Any) -> dict[str, float]:
     """The observation by name of its features."""
     features = observed(env.task, env.settings.observation or env.task.observation)
-    return dict(zip((one.name for one in features), observation.tolist(), strict=True))
+    return dict(zip((feature.name for feature in features), observation.tolist(), strict=True))
 
 
 def car(env: DrivingEnv) -> autodrive.VehicleFrame:
@@ -99,9 +99,9 @@ def test_reset_equals_a_fresh_world_in_every_bit(task: str, observation: Any) ->
     assert starts[0].tobytes() == starts[1].tobytes()
     for _ in range(15):
         action = used.action_space.sample()
-        one, other = used.step(action), fresh.step(action)
-        assert one[0].tobytes() == other[0].tobytes()
-        assert one[1:] == other[1:]
+        step, other = used.step(action), fresh.step(action)
+        assert step[0].tobytes() == other[0].tobytes()
+        assert step[1:] == other[1:]
 
 
 def test_every_episode_starts_somewhere_else_and_at_rest(envs: dict[str, DrivingEnv]) -> None:

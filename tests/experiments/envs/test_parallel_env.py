@@ -68,7 +68,7 @@ def test_a_car_sees_another_one_and_may_hit_it() -> None:
 def until_the_end(env: DrivingParallelEnv, agent: str, actions: dict[str, Any]) -> tuple[Any, ...]:
     """The step in which the episode of an agent ends; the others stand still."""
     for _ in range(200):
-        step = env.step({one: actions.get(one, np.zeros(2)) for one in env.agents})
+        step = env.step({name: actions.get(name, np.zeros(2)) for name in env.agents})
         if agent not in env.agents:
             return step
     raise AssertionError("the episode has not ended")

@@ -120,7 +120,7 @@ def rollout(envs: Any, seed: Any) -> bytes:
         for name in info:
             if not name.startswith("_"):
                 assert info[f"_{name}"].shape == (envs.num_envs,)
-        bits += [one.tobytes() for one in (observations, reward, terminated, truncated)]
+        bits += [values.tobytes() for values in (observations, reward, terminated, truncated)]
     return b"".join(bits)
 
 
@@ -144,7 +144,7 @@ def test_the_published_spaces_are_those_of_the_benchmark() -> None:
     assert (crossing.single_observation_space.shape, duel.single_observation_space.shape) == ((14,), (55,))
     six = [(0.5, 1.0), (0.5, 0.0), (0.5, -1.0), (1.0, 1.0), (1.0, 0.0), (1.0, -1.0)]
     assert crossing.single_action_space == gymnasium.spaces.Discrete(6)
-    assert crossing.settings.choices.tolist() == [[*one] for one in six]
+    assert crossing.settings.choices.tolist() == [[*choice] for choice in six]
     assert duel.single_action_space == gymnasium.spaces.Discrete(9)
     nine = [[throttle, steering] for throttle in (0.1, 0.5, 1.0) for steering in (1.0, 0.0, -1.0)]
     assert duel.settings.choices.tolist() == nine
@@ -189,7 +189,7 @@ def test_the_published_observation_of_the_crossing_is_that_of_the_poses() -> Non
         observations, *_ = env.step(dict.fromkeys(env.agents, FAST))
     readings = env.vector.batch.readings
     places = readings.position[0, :, :2]
-    yaws = np.array([yaw_from_quaternion(one) for one in readings.orientation[0]]) % (2.0 * math.pi)
+    yaws = np.array([yaw_from_quaternion(orientation) for orientation in readings.orientation[0]]) % (2.0 * math.pi)
     for i, agent in enumerate(env.possible_agents):
         others = [(i + k) % 4 for k in (1, 2, 3)]
         expected = [*(goals(np.mean(LANES))[i] - places[i])]
@@ -358,7 +358,7 @@ def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
         live = list(env.agents)
         speeds = {"V1": 0.08, "V2": 0.05}
         _, rewards, _, _, infos = env.step(
-            {one: np.array([speeds[one], pursuit(env, one, sides[one])]) for one in live}
+            {agent: np.array([speeds[agent], pursuit(env, agent, sides[agent])]) for agent in live}
         )
         totals += [rewards.get(agent, 0.0) for agent in env.possible_agents]
     gains = env.vector.distance - before
