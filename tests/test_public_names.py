@@ -114,5 +114,7 @@ def test_the_default_scenario_is_the_same_everywhere() -> None:
     from autodrive.run import RunOptions
     from autodrive.scenario import DEFAULT
 
-    (of_make, of_command) = (inspect.signature(one).parameters["scenario"].default for one in (autodrive.make, run))
+    (of_make, of_command) = (
+        inspect.signature(function).parameters["scenario"].default for function in (autodrive.make, run)
+    )
     assert {of_make, of_command, RunOptions().scenario} == {DEFAULT}

@@ -201,24 +201,6 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
         yield port
 
 
-def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) -> None:
-    """As one that writes Engine.IO by hand."""
-    packets: list[str] = []
-
-    def by_hand(connection: ServerConnection) -> None:
-        connection.send('0{"sid":"x","upgrades":[],"pingInterval":25000,"pingTimeout":60000}')
-        for text in connection:
-            packets.append(str(text)[:3])
-            if str(text).startswith("42"):
-                checked(str(text))
-                connection.send(packet(FULL_THROTTLE))
-
-    with bridged(simulation, by_hand) as bridge:
-        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
-        assert bridge.counters.dialect is Dialect.ENGINE_IO_3
-    assert {"40", "42["} <= set(packets) <= {"40", "42[", "41", "1"}  # no number: no acknowledgement is asked for
-
-
 @pytest.mark.parametrize(
     ("settings", "patience", "formats"),
     [
