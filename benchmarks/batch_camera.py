@@ -23,9 +23,9 @@ from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
-from autodrive.world.batch_camera import BatchCamera
-from autodrive.world.cameras import camera_rig
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.batch_camera import BatchCamera
+from autodrive.world.views.cameras import camera_rig
 
 COUNTS = (1, 16, 64, 256)
 ROUNDS, SINGLES, SETTLING = 7, 16, 150

@@ -25,8 +25,8 @@ from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import EditMap, MapModule, MapPart
 from autodrive.world import World
 from autodrive.world.factory import new_world
-from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.scene_files import SceneFiles
 
 P = ParamSpec("P")
 T = TypeVar("T")

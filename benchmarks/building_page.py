@@ -40,8 +40,8 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Operation, TrackLine
 from autodrive.world.factory import new_world
-from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.scene_files import SceneFiles
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")

@@ -19,10 +19,10 @@ import autodrive
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.physics.sensors.camera import Camera
-from autodrive.physics.sensors.camera_view import View
-from autodrive.world.cameras import camera_rig
+from autodrive.physics.sensors.camera.camera import Camera
+from autodrive.physics.sensors.camera.view import View
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.cameras import camera_rig
 
 ROUNDS, WARM = 60, 6
 LIMITS = {

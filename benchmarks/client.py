@@ -24,8 +24,8 @@ from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Frame, LidarScan, Pose
 from autodrive.protocol.native import Scene
 from autodrive.world import World
-from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.scene_files import SceneFiles
 
 TURNS = 20
 COMMANDS = {"V1": Command(0.3, 0.1)}

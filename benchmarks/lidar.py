@@ -18,7 +18,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.protocol.messages import LidarScan

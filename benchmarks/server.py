@@ -34,7 +34,7 @@ from autodrive.connect.server.server import SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
 from autodrive.world import World
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 
 SCENARIO = "boxes"
 MEASURE = 10.0

@@ -21,7 +21,7 @@ import autodrive
 from autodrive.physics.buffers import scratch, vehicle_contacts
 from autodrive.physics.engine import Engine
 from autodrive.physics.model import BOX, Model, ShapeTable
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state

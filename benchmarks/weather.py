@@ -24,10 +24,10 @@ import autodrive
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.physics.sensors.camera import Camera
+from autodrive.physics.sensors.camera.camera import Camera
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.world.cameras import camera_rig
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.cameras import camera_rig
 
 ROUNDS, TICKS = 15, 100
 WEATHERS = {

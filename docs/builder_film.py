@@ -27,7 +27,7 @@ from playwright.sync_api import Locator, Page, sync_playwright
 from autodrive import Command
 from autodrive.protocol.messages import LoadScenario, Pause, SetTrafficLight, Step, TrafficLightState
 from autodrive.recording.film.video import Video
-from autodrive.run.options import RunOptions
+from autodrive.run.options import PageOptions, RunOptions
 from autodrive.run.runner import RunObserver, opened
 from autodrive.world.simulation import Simulation
 
@@ -374,7 +374,7 @@ def main() -> None:
         sys.exit("the film needs a browser: sudo apt-get install chromium")
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        options = RunOptions("plane", port=0, cameras=False, recordings=Path(folder))
+        options = RunOptions("plane", page=PageOptions(port=0), cameras=False, recordings=Path(folder))
         run = opened(stack, options, RunObserver())
         run.simulation.start()
         run.simulation.request(Pause()).result()

@@ -13,7 +13,7 @@ from autodrive.graphics.cameras.viewpoints import orbit
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.world.factory import compile_scenario
 
 HERE = Path(__file__).parent

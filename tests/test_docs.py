@@ -11,8 +11,8 @@ import yaml
 
 import autodrive.devkit
 from autodrive.experiments.policies import Policy
-from autodrive.physics.sensors.camera import CameraSpec
-from autodrive.physics.sensors.camera_imperfections import PRESETS
+from autodrive.physics.sensors.camera.camera import CameraSpec
+from autodrive.physics.sensors.camera.imperfections import PRESETS
 from autodrive.scenario import load_scenario
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle

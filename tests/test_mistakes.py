@@ -14,7 +14,6 @@ import pytest
 
 import autodrive
 from autodrive import BatchWorld
-from autodrive.base.yaml_files import names as vehicles
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.experiments.policies import Policy
@@ -22,6 +21,7 @@ from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
 from autodrive.run import RunOptions, simulate
 from autodrive.run.race import RaceOptions
+from autodrive.scenario.kinds import names as vehicles
 from autodrive.scenario.tracks.track import Track
 from tests.connect.client.conftest import bare
 from tests.support.cars import car_file

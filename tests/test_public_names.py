@@ -114,7 +114,5 @@ def test_the_default_scenario_is_the_same_everywhere() -> None:
     from autodrive.run import RunOptions
     from autodrive.scenario import DEFAULT
 
-    (of_make, of_command) = (
-        inspect.signature(function).parameters["scenario"].default for function in (autodrive.make, run)
-    )
-    assert {of_make, of_command, RunOptions().scenario} == {DEFAULT}
+    of_make, of_command = (inspect.signature(called).parameters["scenario"].default for called in (autodrive.make, run))
+    assert {of_make, of_command.default, RunOptions().scenario} == {DEFAULT}

@@ -40,13 +40,13 @@ import optax
 from rich.progress import BarColumn, Progress, TextColumn
 
 import autodrive
-from autodrive.base.yaml_files import names
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.task import Observation
 from autodrive.experiments.policies import Policy, PolicyMemory
 from autodrive.experiments.policies.policy import OUTPUTS, PolicyDrivers
 from autodrive.experiments.policies.racer import INPUTS, drive_laps
 from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
+from autodrive.scenario.kinds import names
 
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8

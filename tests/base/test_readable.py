@@ -14,6 +14,7 @@ from autodrive.base.readable import reading_only
 from autodrive.experiments.policies import Policy
 from autodrive.recording import open as open_recording
 from autodrive.recording.exports import recorder_layout
+from autodrive.scenario import kinds
 from autodrive.scenario.tracks.image import read_grey
 from autodrive.scenario.tracks.importer import import_track
 
@@ -50,7 +51,7 @@ def test_a_refused_file_is_not_read_and_not_said_to_be_there(tmp_path: Path) -> 
     with reading_only(lambda path: f"'{path.name}' is refused"):
         for name in ("car.yaml", "missing.yaml"):
             with pytest.raises(Exception, match=f"^'{name}' is refused"):
-                yaml_files.find("vehicle", tmp_path / name)
+                kinds.find("vehicle", tmp_path / name)
             with pytest.raises(Exception, match=f"'{name}' is refused"):
                 yaml_files.source(tmp_path / name)
     assert yaml_files.source(tmp_path / "car.yaml").tree == {"title": "Secret"}

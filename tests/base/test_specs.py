@@ -15,8 +15,9 @@ from pydantic import Field
 
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
-from autodrive.base.yaml_files import Kind, find, names, parse, read
+from autodrive.base.yaml_files import parse
 from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.kinds import Kind, find, names, read
 from autodrive.scenario.maps.map import MapSpec
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec

@@ -41,7 +41,7 @@ from autodrive.protocol.native import (
     Starting,
     Subscribe,
 )
-from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
+from autodrive.run import PageOptions, Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
 from autodrive.run.runner import COMPILING
 from autodrive.run.world_loader import WorldLoader
@@ -69,7 +69,9 @@ class ThreadedRun(RunObserver):
         self.link = ""
         self._stop = StopRequest()
         self._executor = ThreadPoolExecutor(1)
-        self._summary = self._executor.submit(simulate, replace(options, port=0), stop=self._stop, observer=self)
+        self._summary = self._executor.submit(
+            simulate, replace(options, page=replace(options.page, port=0)), stop=self._stop, observer=self
+        )
         wait_until(lambda: self.link or self._summary.done())
         if not self.link:
             self.end()  # raises its error
@@ -206,7 +208,7 @@ def test_a_client_receives_the_images_that_it_subscribes_to(gl: str) -> None:
 
 
 def test_a_token_protects_the_page_and_is_part_of_its_link() -> None:
-    with started(RunOptions("plane", token="open-sesame-0123")) as run:
+    with started(RunOptions("plane", page=PageOptions(token="open-sesame-0123"))) as run:
         link = run.link
         assert link.endswith("/?token=open-sesame-0123")
         with pytest.raises(urllib.error.HTTPError) as refusal:
@@ -227,7 +229,7 @@ def test_a_requested_port_in_use_is_an_error(tmp_path: Path) -> None:
     [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", ""), ("0.0.0.0", ""), ("127.0.0.2", "127.0.0.2")],
 )
 def test_the_link_of_each_address_leads_to_the_simulator(host: str, tunnelled: str) -> None:
-    run = ThreadedRun(RunOptions("plane", host=host))
+    run = ThreadedRun(RunOptions("plane", page=PageOptions(host=host)))
     try:
         with viewer(run.link):
             pass

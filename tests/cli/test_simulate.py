@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from autodrive import AutodriveError
-from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
+from autodrive.run import PageOptions, Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 
 
 def in_thread(options: RunOptions, stop: StopRequest | None = None, observer: RunObserver | None = None) -> Summary:
@@ -43,7 +43,7 @@ def test_a_run_in_a_thread_twice_with_errors_between(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(AutodriveError, match=f"port {port}"):
-            in_thread(RunOptions("plane", port=port))
+            in_thread(RunOptions("plane", page=PageOptions(port=port)))
     second = in_thread(RunOptions("plane", speed=None, has_page=False, duration=0.2, seed=3))
     assert (first.ticks, first.seed, first.ended_by, first.page) == (20, 3, "duration", None)
     assert second.vehicles == first.vehicles  # same seed: the same bits

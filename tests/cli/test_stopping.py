@@ -124,6 +124,7 @@ receiver = threading.Thread(target=receive, daemon=True)
 WAITING = {
     "replay": """
 import autodrive
+from autodrive.connect.server.served import PageOptions
 from autodrive.recording import Recorder
 from autodrive.recording.replay import ReplayOptions, replay
 
@@ -132,7 +133,7 @@ with Recorder("run.mcap", world):
     world.step()
 stop = threading.Event()
 signal.signal(signal.SIGTERM, lambda *_: stop.set())
-replay("run.mcap", ReplayOptions(port=0), stop=stop, on_start=lambda _: receiver.start())
+replay("run.mcap", ReplayOptions(page=PageOptions(port=0)), stop=stop, on_start=lambda _: receiver.start())
 """,
     "devkit server": """
 from autodrive.connect.devkit.server import Server

@@ -15,7 +15,7 @@ from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import encode
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 from tests.support.cars import car_file
 from tests.support.radar import Radar
 from tests.support.ros.recorder import Recorder, running

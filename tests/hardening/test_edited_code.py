@@ -21,7 +21,6 @@ import autodrive
 from autodrive import Simulation
 from autodrive.base.code_snapshot import CodeSnapshot
 from autodrive.base.errors import AutodriveError
-from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns import Campaign, CampaignObserver, Outcome, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
@@ -29,6 +28,7 @@ from autodrive.experiments.campaigns.runs import CampaignProgress
 from autodrive.protocol.messages import AddBox, LoadScenario, Reset, SetSensor
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import RunObserver
+from autodrive.scenario.kinds import find
 from tests.support.command_line import call
 from tests.support.hardening import fill, make_read_only, small_disk
 from tests.support.waiting import LIMIT

@@ -21,11 +21,12 @@ import yaml
 import autodrive
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
-from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, find, names, parse
+from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, parse
 from autodrive.cli.spec_files import SPECS, check
-from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.camera.camera import MAX_PIXELS, CameraSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import Kind, find, names
 from autodrive.scenario.maps.map import MAX_EXTENT, load_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import Rectangle

@@ -21,9 +21,9 @@ from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.protocol.native import SetCamera
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.cameras import process_cameras
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.cameras import process_cameras
 from tests.support.cars import car_file, small_images
 from tests.support.hardening import cases, memory, open_files
 from tests.support.waiting import LIMIT, is_alive, wait_until

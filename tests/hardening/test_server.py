@@ -31,7 +31,7 @@ from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.factory import new_world
 from autodrive.world.observer import Request
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 from tests.support.attackers import frame
 from tests.support.native_clients import native_client, pack, raw, scene_files
 from tests.support.waiting import LIMIT, free_port, wait_until
@@ -237,6 +237,19 @@ def test_a_client_does_not_wait_for_forty_others_who_build(monkeypatch: pytest.M
     assert order.executed_types.index("Teleport") < order.executed_types.index("SetWeather")
 
 
+def test_the_next_request_does_not_wait_until_a_weather_is_described(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_free = threading.Event()
+    numbers = "autodrive.world.views.weather_numbers.weather_numbers"
+    monkeypatch.setattr(numbers, lambda *_, **__: str(is_free.wait(LIMIT)))
+    with native_client(server) as client:
+        description = client.begin("DescribeWeather")
+        assert client.ask("SetWeather", weather={"rain": 0.5})["type"] == "Response"
+        is_free.set()
+        assert client.answer(description)["text"] == "True"
+
+
 @pytest.mark.parametrize("part", ["world", "scene"])
 @pytest.mark.parametrize("scenario", ["mini_map", "tiny_town"])
 def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_all(
@@ -275,7 +288,7 @@ def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_
 
 def test_frames_go_on_while_the_mesh_of_a_new_box_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     is_free, begun = threading.Event(), threading.Event()
-    monkeypatch.setattr("autodrive.world.scene_files.box_file", lambda _: (begun.set(), is_free.wait(LIMIT)))
+    monkeypatch.setattr("autodrive.world.views.scene_files.box_file", lambda _: (begun.set(), is_free.wait(LIMIT)))
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
     with simulation, served(simulation) as server, native_client(server) as viewer, native_client(server) as editing:
         assert (

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import autodrive
-from autodrive.base.yaml_files import read
 from autodrive.protocol.messages import EditMap, EditTrack, MapModule, Pause, TrackLine
+from autodrive.scenario.kinds import read
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_driving import yaw

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from autodrive import recording
+from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import Teleport
 from autodrive.recording.replay import Replay, ReplayOptions
 from tests.recording.conftest import Drive, drive
@@ -20,7 +21,7 @@ __all__ = ["drive"]
 
 @pytest.fixture
 def replay(built: Path, drive: Drive) -> Iterator[Replay]:
-    with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
+    with Replay(drive.path, ReplayOptions(is_paused=True, page=PageOptions(port=0))) as running:
         yield running
 
 

@@ -10,7 +10,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Starting
 from autodrive.run.runner import COMPILING
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 from tests.page.test_axe import SIZES, axe, check
 from tests.support.page import NewTab, PageServer, box
 

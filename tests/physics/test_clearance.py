@@ -12,12 +12,12 @@ import pytest
 import autodrive
 from autodrive.base.arrays import Floats
 from autodrive.base.transforms import rotation_from_quaternion
-from autodrive.base.yaml_files import names
 from autodrive.physics.buffers import scratch
 from autodrive.physics.clearance import HORIZON, MARGIN, can_any_touch, find_nearby
 from autodrive.physics.engine import Geom
 from autodrive.physics.model import BOX, COVER
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import names
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.parameters import cover
 from tests.physics.test_contact_engine import TRACK, YARD, engine_is_at, random_start

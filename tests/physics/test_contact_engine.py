@@ -10,12 +10,12 @@ import pytest
 
 import autodrive
 from autodrive.base.transforms import quaternion_from_euler
-from autodrive.base.yaml_files import names
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import names
 from autodrive.world import World
 from tests.support.frames import digest
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.model import BOX, CYLINDER, SPHERE, ShapeTable
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
 from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import Solid, scene, shapes_of

@@ -9,8 +9,8 @@ import pytest
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
 from autodrive.physics.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
-from autodrive.physics.sensors.camera import CameraSpec
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.scenario.vehicles.spec import AxlesSpec, WheelSpec, load_vehicle

@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.yaml_files import find
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit import ENVIRONMENT, initial_telemetry, read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, detect_profile, is_ambiguous
 from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, RaceState, RaceStatus
+from autodrive.scenario.kinds import find
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.protocol.devkit_frames import frame, scan, vehicle
 
@@ -396,9 +396,9 @@ def cosim(number: int, **changes: str) -> dict[str, str]:
 def test_a_co_simulated_vehicle_gets_its_pose_with_the_quaternion_as_wxyz() -> None:
     vehicles = {"red": Command(), "green": Command()}
     orders = read_commands(cosim(2), PROFILES["2025"], vehicles)
-    assert orders.holds == [Hold("green", (1.5, -2.0, 0.1), (0.8, 0.0, 0.0, 0.6))]
-    assert read_commands(cosim(1, CoSim="0"), PROFILES["2025"], vehicles).holds == [Hold("red", None)]
-    assert read_commands(cosim(1) | {"V1 CoSim": None}, PROFILES["2025"], vehicles).holds == []
+    assert orders.holds == {"green": Hold("green", (1.5, -2.0, 0.1), (0.8, 0.0, 0.0, 0.6))}
+    assert read_commands(cosim(1, CoSim="0"), PROFILES["2025"], vehicles).holds == {"red": Hold("red", None)}
+    assert read_commands(cosim(1) | {"V1 CoSim": None}, PROFILES["2025"], vehicles).holds == {}
 
 
 def test_an_invalid_pose_is_refused() -> None:
@@ -409,7 +409,7 @@ def test_an_invalid_pose_is_refused() -> None:
         ({"PosY": "-1e5"}, "a position must be from -10000 to 10000 m"),
     ):
         message = read_commands(cosim(1, **pose), PROFILES["2025"], {"red": Command()})
-        assert message.holds == []
+        assert message.holds == {}
         assert message.refused[-1] == f"co-simulation of red: {error}"
 
 

@@ -11,13 +11,14 @@ import yaml
 
 import autodrive
 from autodrive import Command, Simulation, SpecError
-from autodrive.base.yaml_files import find, names, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.protocol.messages import AddBox, Frame, Operation, Place, RemoveBox
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.files import files_of, read_scenario, scenario_text, write_to
+from autodrive.scenario.kinds import find, names
 from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
 from tests.support.frames import digest, digests

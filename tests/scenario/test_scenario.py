@@ -7,10 +7,10 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.yaml_files import find, names
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.files import read_scenario
+from autodrive.scenario.kinds import find, names
 from autodrive.scenario.maps.map import MapSpec, load_map
 
 

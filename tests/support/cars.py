@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from autodrive.base.yaml_files import find
+from autodrive.scenario.kinds import find
 
 OBEYS_AT_ONCE = {
     "steering.dead_time": 0.0,

@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Scene
 from autodrive.world import World
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 from tests.support.waiting import LIMIT, wait_until
 
 pack = msgspec.msgpack.encode

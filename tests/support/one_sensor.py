@@ -8,7 +8,7 @@ from typing import Any
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from tests.support.sensor_scenes import SensorScene

@@ -13,7 +13,7 @@ from autodrive.graphics.render.gl import GlUnavailable, probe
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.physics.actuators.lights import LampSpec, LightsSpec
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics
 

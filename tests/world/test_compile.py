@@ -11,18 +11,18 @@ import pytest
 import yaml
 
 from autodrive.base.specs import SpecProblems, joined
-from autodrive.base.yaml_files import find
 from autodrive.experiments.campaigns.campaign import Campaign, CampaignRun
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.protocol.messages import AddBox, Command, Place
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
 from autodrive.scenario.files import files_of, read_scenario, write_to
+from autodrive.scenario.kinds import find
 from autodrive.world.compile import compile_specs
 from autodrive.world.factory import make
 from autodrive.world.simulation import Simulation
 
-READERS = {"autodrive.base.yaml_files", "autodrive.scenario.files"}
+READERS = {"autodrive.base.yaml_files", "autodrive.scenario.files", "autodrive.scenario.kinds"}
 
 
 @pytest.mark.process

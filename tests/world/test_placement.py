@@ -12,13 +12,12 @@ from pathlib import Path
 import pytest
 
 import autodrive
-from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.cli import spec_files
 from autodrive.protocol.messages import SetSensor
 from autodrive.run import RunOptions, simulate
-from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, kinds
 from autodrive.scenario.files import read_scenario
 from autodrive.world.editing.editor import Editor
 from autodrive.world.factory import new_world
@@ -55,7 +54,7 @@ def fault(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, str]:
     """A file, and the text."""
     key, _, value = request.param.partition(": ")
     (tmp_path / "street.yaml").write_text(STREET.format(placement=value if key == "placement" else ""))
-    nigel = yaml_files.find("vehicle", "nigel").read_text()
+    nigel = kinds.find("vehicle", "nigel").read_text()
     (tmp_path / "small.yaml").write_text(nigel.replace("size: [0.300, 0.175, 0.182]", "size: [3.00, 1.75, 0.182]"))
     vehicles = request.param if key.startswith("V") else "V1: {x: 0.2}"
     text = f"map: {tmp_path / 'street.yaml'}\nvehicles: {{{vehicles}}}\n"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Literal, TypeAlias, cast
 
 import typer
 
-from autodrive.cli.options import Force, check_end, check_outputs
+from autodrive.cli.options import Force, argument, check_end, check_outputs, option
 
 if TYPE_CHECKING:
-    from autodrive.base.yaml_files import Kind
+    from autodrive.scenario.kinds import Kind
 
 Collection: TypeAlias = Literal["scenarios", "maps", "tracks", "vehicles", "modules", "rulesets"]
 """What `list` can list."""
@@ -19,20 +19,14 @@ KindName: TypeAlias = Literal["scenario", "map", "track", "vehicle", "module", "
 
 
 def list_(
-    collection: Annotated[Collection, typer.Argument(help="What to list.")],
-    folder: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Also list the scenarios, maps or tracks of that folder.",
-            exists=True,
-            file_okay=False,
-        ),
-    ] = None,
+    collection: Collection = argument("What to list.", ...),
+    folder: Path | None = option(
+        "Also list the scenarios, maps or tracks of that folder.", metavar="FOLDER", exists=True, file_okay=False
+    ),
 ) -> None:
     """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
-    from autodrive.base.yaml_files import titles
     from autodrive.cli.spec_files import SPECS
+    from autodrive.scenario.kinds import titles
 
     kind = cast("Kind", collection.removesuffix("s"))
     for name, title in titles(kind, SPECS[kind]).items():
@@ -46,24 +40,18 @@ def list_(
 
 
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a map, track, module, vehicle or scenario, or its file.")],
-    kind: Annotated[KindName | None, typer.Option(help="What the name refers to, if several kinds use it.")] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG file of the drawing.  [default: NAME.png]"),
-    ] = None,
-    in_3d: Annotated[
-        Path | None, typer.Option("--3d", metavar="FILE.png", help="Render a 3D image; works for all kinds.")
-    ] = None,
-    night: Annotated[bool, typer.Option("--night", help="With --3d: render the scene at night.")] = False,
-    occupancy: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Write an occupancy grid for the ROS map_server: NAME.png and NAME.yaml."),
-    ] = None,
-    labels: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Write a top-down semantic label image as PNG.")
-    ] = None,
-    yaml: Annotated[bool, typer.Option("--yaml", help="Print the YAML file.")] = False,
+    name: str = argument("Name of a map, track, module, vehicle or scenario, or its file.", ...),
+    kind: KindName | None = option("What the name refers to, if several kinds use it."),
+    output: Path | None = option(
+        "PNG or SVG file of the drawing.  [default: NAME.png]", None, "--output", "-o", metavar="FILE"
+    ),
+    in_3d: Path | None = option("Render a 3D image; works for all kinds.", None, "--3d", metavar="FILE.png"),
+    night: bool = option("With --3d: render the scene at night.", False, "--night"),
+    occupancy: Path | None = option(
+        "Write an occupancy grid for the ROS map_server: NAME.png and NAME.yaml.", metavar="FOLDER"
+    ),
+    labels: Path | None = option("Write a top-down semantic label image as PNG.", metavar="FILE.png"),
+    yaml: bool = option("Print the YAML file.", False, "--yaml"),
     force: Force = False,
 ) -> None:
     """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
@@ -71,7 +59,7 @@ def show(
 
     kind_of_file = kind or spec_files.kind_of_name(name)
     if yaml:
-        from autodrive.base.yaml_files import find
+        from autodrive.scenario.kinds import find
 
         typer.echo(find(kind_of_file, name).read_text(encoding="utf-8"), nl=False)
         return
@@ -121,11 +109,10 @@ def show(
 
 
 def check(
-    name: Annotated[str, typer.Argument(help="Name of a scenario, map, track, vehicle or module, or its file.")],
-    kind: Annotated[
-        KindName | None,
-        typer.Option(help="What the name refers to.  [default: a scenario; of a file: detected from its keys]"),
-    ] = None,
+    name: str = argument("Name of a scenario, map, track, vehicle or module, or its file.", ...),
+    kind: KindName | None = option(
+        "What the name refers to.  [default: a scenario; of a file: detected from its keys]"
+    ),
 ) -> None:
     """Check a scenario, map, track, vehicle or module and all files that it refers to; report all errors."""
     from autodrive.cli import spec_files

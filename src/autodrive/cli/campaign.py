@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 import typer.core
 
 from autodrive.cli.narrated import repeated
-from autodrive.cli.options import check_outputs
+from autodrive.cli.options import argument, check_outputs, option
 
 if TYPE_CHECKING:
     from autodrive.experiments.campaigns.campaign import Campaign
@@ -38,41 +38,24 @@ class CampaignCommand(typer.core.TyperCommand):
 
 
 def campaign(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A campaign, as YAML.")],
-    workers: Annotated[
-        int | None,
-        typer.Option(min=0, max=1000, help="Processes; 0: in this one.  [default: all processors]"),
-    ] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[ADDRESS]",
-            help="Run on a Ray cluster: HOST:PORT of its head, 'local' for one that ends with the campaign, or 'auto', "
-            "the one that this machine is in (without an address, too).",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FOLDER",
-            help="Folder of the results; a campaign in it is continued.  [default: FILE_results]",
-        ),
-    ] = None,
-    cache: Annotated[
-        bool, typer.Option("--cache/--no-cache", help="Take the results of runs that other campaigns have run.")
-    ] = True,
-    falsify: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Search for a failure instead, with at most so many runs."),
-    ] = None,
-    replay: Annotated[
-        int | None, typer.Option(metavar="RUN", min=0, help="Run one run again, record it, and print its result.")
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", "--overwrite", help="Replace results of another campaign, without a question.")
-    ] = False,
+    file: Path = argument("A campaign, as YAML.", ..., metavar="FILE"),
+    workers: int | None = option("Processes; 0: in this one.  [default: all processors]", min=0, max=1000),
+    ray: str | None = option(
+        "Run on a Ray cluster: HOST:PORT of its head, 'local' for one that ends with the campaign, or 'auto', "
+        "the one that this machine is in (without an address, too).",
+        metavar="[ADDRESS]",
+    ),
+    output: Path | None = option(
+        "Folder of the results; a campaign in it is continued.  [default: FILE_results]",
+        None,
+        "--output",
+        "-o",
+        metavar="FOLDER",
+    ),
+    cache: bool = option("Take the results of runs that other campaigns have run.", True, "--cache/--no-cache"),
+    falsify: int | None = option("Search for a failure instead, with at most so many runs.", metavar="N", min=1),
+    replay: int | None = option("Run one run again, record it, and print its result.", metavar="RUN", min=0),
+    force: bool = option("Replace results of another campaign, without a question.", False, "--force", "--overwrite"),
 ) -> None:
     """Run a scenario many times, with other parameters and seeds.
 

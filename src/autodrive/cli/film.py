@@ -3,58 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import Force, RecordingFile, check_outputs
+from autodrive.cli.options import Force, RecordingFile, check_outputs, filled, option
 
 
 def film(
     file: RecordingFile,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The film: .mp4 (AV1), .webm (VP9) or .mkv (AV1).")
-    ],
-    camera: Annotated[
-        str,
-        typer.Option(
-            help='"Driver\'s Eye", "Bird\'s Eye", "God\'s Eye", Orbit, Fly (stays at a position), or a camera of a '
-            "vehicle: front, V2/front."
-        ),
-    ] = "Driver's Eye",
-    vehicle: Annotated[str | None, typer.Option(help="The vehicle that is followed.  [default: the first one]")] = None,
-    start: Annotated[
-        float, typer.Option("--from", metavar="S", min=0, help="First time of the recording that is shown.")
-    ] = 0.0,
-    end: Annotated[
-        float | None, typer.Option("--to", metavar="S", min=0, help="Last time that is shown.  [default: the end]")
-    ] = None,
-    speed: Annotated[float, typer.Option(metavar="N", help="Recorded seconds per second of the film.")] = 1.0,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Images per second of the film.")] = 30.0,
-    size: Annotated[
-        str, typer.Option(metavar="WxH", help="Size of the film.  [default: 1280x720, or that of the sensor camera]")
-    ] = "",
-    light: Annotated[
-        str | None,
-        typer.Option(help="day, night, or a time of day in hours, such as 18.5.  [default: the recorded light]"),
-    ] = None,
-    overlay: Annotated[bool, typer.Option("--overlay", help="Show speed and steering.")] = False,
-    height: Annotated[float, typer.Option(metavar="M", help="Height of the Bird's Eye.")] = 3.0,
-    azimuth: Annotated[
-        float, typer.Option(metavar="DEG", help="Where the Orbit is, or Fly looks, from the x axis.")
-    ] = 0.0,
-    elevation: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Of the Orbit, or of where Fly looks.  [default: 30, Fly: 0]")
-    ] = None,
-    distance: Annotated[float, typer.Option(metavar="M", help="Distance of the Orbit.")] = 1.0,
-    position: Annotated[str, typer.Option(metavar="X,Y,Z", help="Of Fly, in the map [m].")] = "0,0,1",
-    codec: Annotated[str | None, typer.Option(help="av1 or vp9.  [default: as the end of the file name says]")] = None,
-    quality: Annotated[
-        str, typer.Option(metavar="NAME", help="Of the images: auto, software, software-fxaa, small or gpu.")
-    ] = "auto",
+    output: Path = option("The film: .mp4 (AV1), .webm (VP9) or .mkv (AV1).", ..., "--output", "-o", metavar="FILE"),
+    camera: str = option(
+        '"Driver\'s Eye", "Bird\'s Eye", "God\'s Eye", Orbit, Fly (stays at a position), or a camera of a '
+        "vehicle: front, V2/front.",
+        "Driver's Eye",
+    ),
+    vehicle: str | None = option("The vehicle that is followed.  [default: the first one]"),
+    start: float = option("First time of the recording that is shown.", 0.0, "--from", metavar="S", min=0),
+    end: float | None = option("Last time that is shown.  [default: the end]", None, "--to", metavar="S", min=0),
+    speed: float = option("Recorded seconds per second of the film.", 1.0, metavar="N"),
+    rate: float = option("Images per second of the film.", 30.0, metavar="HZ"),
+    size: str = option("Size of the film.  [default: 1280x720, or that of the sensor camera]", "", metavar="WxH"),
+    light: str | None = option("day, night, or a time of day in hours, such as 18.5.  [default: the recorded light]"),
+    overlay: bool = option("Show speed and steering.", False, "--overlay"),
+    height: float = option("Height of the Bird's Eye.", 3.0, metavar="M"),
+    azimuth: float = option("Where the Orbit is, or Fly looks, from the x axis.", 0.0, metavar="DEG"),
+    elevation: float | None = option("Of the Orbit, or of where Fly looks.  [default: 30, Fly: 0]", metavar="DEG"),
+    distance: float = option("Distance of the Orbit.", 1.0, metavar="M"),
+    position: str = option("Of Fly, in the map [m].", "0,0,1", metavar="X,Y,Z"),
+    codec: str | None = option("av1 or vp9.  [default: as the end of the file name says]"),
+    quality: str = option("Of the images: auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"),
     force: Force = False,
 ) -> None:
     """Make a film of a recording, with any camera, by day or at night."""
+    arguments = locals()
     from rich.console import Console
     from rich.progress import Progress
 
@@ -75,20 +56,7 @@ def film(
         distance=distance,
         position=_position(position),
     )
-    options = FilmOptions(
-        camera=camera,
-        vehicle=vehicle,
-        start=start,
-        end=end,
-        speed=speed,
-        rate=rate,
-        size=size_of(size, "--size") if size else None,
-        light=light,
-        overlay=overlay,
-        codec=codec,
-        quality=quality,
-        view=view,
-    )
+    options = filled(FilmOptions, arguments, size=size_of(size, "--size") if size else None, view=view)
     with Tape(file) as tape, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("filming")
         images = make_film(

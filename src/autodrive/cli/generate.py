@@ -13,11 +13,11 @@ from pathlib import Path
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
-from autodrive.base.yaml_files import names
 from autodrive.graphics.assets.asset import Asset, Detail
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes import store
 from autodrive.graphics.render.look import light_table
+from autodrive.scenario.kinds import names
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
 from autodrive.scenario.vehicles.spec import load_vehicle

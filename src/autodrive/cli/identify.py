@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from autodrive.cli.options import Force, RecordingOrLog, Steering, check_end, check_outputs
+from autodrive.cli.options import Force, RecordingOrLog, Steering, check_end, check_outputs, option
 
 
 def identify(
     file: RecordingOrLog,
-    vehicle: Annotated[str, typer.Option(metavar="NAME", help="Name or file of the vehicle whose parameters to fit.")],
-    free: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B=LOW:HIGH",
-            help="Parameters to fit, such as wheels.damping_rate.  [default bounds: half and twice the value]",
-        ),
-    ],
-    name: Annotated[str, typer.Option(metavar="NAME", help="Vehicle of the recording.  [default: the first]")] = "",
+    vehicle: str = option("Name or file of the vehicle whose parameters to fit.", ..., metavar="NAME"),
+    free: str = option(
+        "Parameters to fit, such as wheels.damping_rate.  [default bounds: half and twice the value]",
+        ...,
+        metavar="A,B=LOW:HIGH",
+    ),
+    name: str = option("Vehicle of the recording.  [default: the first]", "", metavar="NAME"),
     steering: Steering = "left",
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Vehicle file to write.  [default: VEHICLE_fitted.yaml]"),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="PNG or SVG file.  [default: beside the vehicle file]")
-    ] = None,
-    trials: Annotated[int, typer.Option(metavar="N", min=1, help="Simulations of the global search.")] = 24,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the search: same seed, same result.")] = 0,
-    window: Annotated[
-        float, typer.Option(metavar="S", min=0.5, help="The simulation starts again from the drive after this time.")
-    ] = 2.0,
-    threads: Annotated[int | None, typer.Option(metavar="N", min=1, help="[default: as many as processors]")] = None,
+    output: Path | None = option(
+        "Vehicle file to write.  [default: VEHICLE_fitted.yaml]", None, "--output", "-o", metavar="FILE"
+    ),
+    plot: Path | None = option("PNG or SVG file.  [default: beside the vehicle file]", metavar="FILE"),
+    trials: int = option("Simulations of the global search.", 24, metavar="N", min=1),
+    seed: int = option("Seed of the search: same seed, same result.", 0, metavar="N", min=0),
+    window: float = option("The simulation starts again from the drive after this time.", 2.0, metavar="S", min=0.5),
+    threads: int | None = option("[default: as many as processors]", metavar="N", min=1),
     force: Force = False,
 ) -> None:
     """Fit parameters of a vehicle to a recorded drive; write the vehicle as a file, and a plot."""

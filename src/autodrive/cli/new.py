@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import typer
 
-from autodrive.cli.options import Force, check_outputs
+from autodrive.cli.options import Force, argument, check_outputs
 
 Start: TypeAlias = Literal["vehicle", "map", "scenario", "driver"]
 """What `new` can write."""
@@ -55,13 +55,13 @@ drive(step, nigel)
 
 
 def new(
-    what: Annotated[Start, typer.Argument(help="What to write.")],
-    name: Annotated[str, typer.Argument(help="Name of the file, without its end.")],
+    what: Start = argument("What to write.", ...),
+    name: str = argument("Name of the file, without its end.", ...),
     force: Force = False,
 ) -> None:
     """Write a commented start of your own vehicle, map, scenario or driver into this folder."""
     from autodrive.base.cache import write_file
-    from autodrive.base.yaml_files import find
+    from autodrive.scenario.kinds import find
 
     suffix, use = ("py", "python") if what == "driver" else ("yaml", "autodrive check")
     path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{suffix}")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import typer
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.devkit_profile import Side
 from autodrive.protocol.ports import PORT, PORT_VARIABLE
+
+Options = TypeVar("Options")
 
 RecordingFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")]
 RecordingOrLog: TypeAlias = Annotated[
@@ -55,6 +59,22 @@ Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files t
 
 MOST_NAMES = 8
 """Names of files in a message."""
+
+
+def option(help: str, default: Any = None, *names: str, **settings: Any) -> Any:
+    """An option of a command, with what `typer.Option` takes; `default` ...: it must be given."""
+    return typer.Option(default, *names, help=help, **settings)
+
+
+def argument(help: str, default: Any = None, **settings: Any) -> Any:
+    """An argument of a command, with what `typer.Argument` takes; `default` ...: it must be given."""
+    return typer.Argument(default, help=help, **settings)
+
+
+def filled(options: type[Options], arguments: Mapping[str, Any], **converted: Any) -> Options:
+    """The options of a command: its arguments, for the fields with their names, and those that it has converted."""
+    names = {field.name for field in dataclasses.fields(options)}  # pyright: ignore[reportArgumentType]
+    return options(**{name: value for name, value in arguments.items() if name in names} | converted)
 
 
 def check_end(option: str, file: Path | None, *ends: str) -> None:

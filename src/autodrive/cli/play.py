@@ -4,59 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, results_folder
+from autodrive.cli.options import Force, Headless, Noise, ResultsFolder, argument, filled, option, results_folder
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
     from autodrive.experiments.policies import Policy
-    from autodrive.run.team import Team
+    from autodrive.experiments.policies.team import Team
 
 TEAMS = {"crossing": "crossing", "duel": "head_to_head"}
 """Tasks of several cars, and the included policy of each."""
 
 
 def play(
-    policy: Annotated[
-        str,
-        typer.Argument(help="Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'."),
-    ],
-    track: Annotated[
-        str | None,
-        typer.Argument(
-            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
-            "[default: it serves as a devkit script]"
-        ),
-    ] = None,
-    laps: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Laps to drive.  [default: 10; of 'duel' 2]")
-    ] = None,
-    lockstep: Annotated[
-        bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
-    ] = False,
+    policy: str = argument("Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'.", ...),
+    track: str | None = argument(
+        "Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
+        "[default: it serves as a devkit script]"
+    ),
+    laps: int | None = option("Laps to drive.  [default: 10; of 'duel' 2]", min=1, max=1000),
+    lockstep: bool = option("As fast as the machine can, instead of in real time.", False, "--lockstep/--real-time"),
     noise: Noise = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    seed: int = option("Seed of the noise.", 0, min=0),
     output: ResultsFolder = None,
     headless: Headless = False,
-    port: Annotated[
-        int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}."),
-    ] = None,
-    episodes: Annotated[
-        int | None,
-        typer.Option(min=1, max=10000, help="Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]"),
-    ] = None,
-    rival: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
-            "examples/racing/follow_the_gap.py.  [default: the same policy]",
-        ),
-    ] = None,
+    port: int | None = option(f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}.", min=0, max=65535),
+    episodes: int | None = option(
+        "Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]", min=1, max=10000
+    ),
+    rival: str | None = option(
+        "Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
+        "examples/racing/follow_the_gap.py.  [default: the same policy]",
+        metavar="NAME",
+    ),
     force: Force = False,
 ) -> None:
     """Drive with a trained policy.
@@ -66,21 +49,15 @@ def play(
     `autodrive play crossing` lets four cars drive through a crossing, `autodrive play duel` two cars race; a policy may
     follow: one that was trained here (.npz), or a network made for the published benchmarks (.onnx).
     """
+    arguments = locals()
     from autodrive.experiments.envs.crossing import Crossing
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
     is_given = {
-        "--laps": laps is not None,
-        "--lockstep": lockstep,
-        "--noise": noise,
-        "--output": output is not None,
-        "--force": force,
-        "--headless": headless,
-        "--port": port is not None,
-        "--episodes": episodes is not None,
-        "--rival": rival is not None,
-        "a track": track is not None,
+        "a track" if name == "track" else f"--{name}": value is not None and value is not False
+        for name, value in arguments.items()
+        if name not in ("policy", "seed")
     }
     is_team = policy in TEAMS
     chosen = None if is_team else Policy.find(policy)
@@ -104,22 +81,22 @@ def play(
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
+        from autodrive.connect.server.served import PageOptions
         from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
         _refuse(is_given, {"--episodes", "--rival"}, "on a track")
-        options = RaceOptions(
-            track,
-            devkits=(),
+        options = filled(
+            RaceOptions,
+            arguments,
             teams=(_team(Path(policy)),),
             rules="practice",
             laps=laps or 10,
             has_realistic_sensors=noise,
             is_lockstep=lockstep,
-            seed=seed,
             output=results_folder(output),
             has_page=not headless,
-            port=port,
+            page=PageOptions(port=port),
         )
         show_race(options, force, lambda stop, display: race(chosen, options, stop=stop, observer=display))
 
@@ -157,7 +134,7 @@ def _team_of(task: str, policy: str | None, rival: str | None, *, laps: int, has
     """All cars of a task, and the policy that drives them; None: the included one."""
     from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
-    from autodrive.run.team import duel_team, foreign_team, learnt_team, program
+    from autodrive.experiments.policies.team import duel_team, foreign_team, learnt_team, program
 
     if policy is not None and Path(policy).suffix == ".onnx":
         return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
@@ -175,7 +152,7 @@ def _drive_team(
     team: Team, episodes: int | None, seed: int, *, headless: bool, port: int | None, is_lockstep: bool
 ) -> None:
     """Drive all cars of a task, and print how often they succeeded."""
-    from autodrive.run.team import drive, show, summary
+    from autodrive.experiments.policies.team import drive, show, summary
 
     if headless:
         results = drive(team, episodes or 100, seed)

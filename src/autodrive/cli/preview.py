@@ -12,7 +12,6 @@ import numpy as np
 from autodrive.base.cache import write_file
 from autodrive.base.png import encode_png
 from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
-from autodrive.base.yaml_files import Kind
 from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
 from autodrive.graphics.cameras.viewpoints import Viewpoint, orbit
 from autodrive.graphics.meshes import store
@@ -21,6 +20,7 @@ from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
+from autodrive.scenario.kinds import Kind
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
 from autodrive.scenario.maps.solids import BoxPlacement

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -18,7 +18,10 @@ from autodrive.cli.options import (
     Port,
     Record,
     ResultsFolder,
+    argument,
     check_outputs,
+    filled,
+    option,
     results_folder,
 )
 from autodrive.cli.run import address
@@ -31,52 +34,32 @@ if TYPE_CHECKING:
 
 
 def race(
-    track: Annotated[str, typer.Argument(help="Name of a track, or path of its file.")],
-    devkit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8 in all."),
-    ] = None,
-    script: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="COMMAND",
-            help="Command line with {port} of a script that the race starts, for the vehicles after those of --devkit.",
-        ),
-    ] = None,
-    team: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Name of the team of each script, in the same order.")
-    ] = None,
-    rules: Annotated[
-        str, typer.Option(help="Name of rules (see: autodrive list rulesets), or path of their YAML file.")
-    ] = "league_2026",
-    laps: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Laps that count.  [default: those of the rules]")
-    ] = None,
-    vehicle: Annotated[str, typer.Option(help="Name or file of the vehicles.")] = "roboracer",
+    track: str = argument("Name of a track, or path of its file.", ...),
+    devkit: list[str] | None = option(
+        "Address of a devkit script; once for each vehicle, 1 to 8 in all.", metavar="HOST:PORT"
+    ),
+    script: list[str] | None = option(
+        "Command line with {port} of a script that the race starts, for the vehicles after those of --devkit.",
+        metavar="COMMAND",
+    ),
+    team: list[str] | None = option("Name of the team of each script, in the same order.", metavar="NAME"),
+    rules: str = option("Name of rules (see: autodrive list rulesets), or path of their YAML file.", "league_2026"),
+    laps: int | None = option("Laps that count.  [default: those of the rules]", min=1, max=1000),
+    vehicle: str = option("Name or file of the vehicles.", "roboracer"),
     noise: Noise = False,
-    lockstep: Annotated[
-        bool,
-        typer.Option(
-            "--lockstep/--real-time", help="Each tick waits for the command of each script, as fast as they are."
-        ),
-    ] = False,
-    pace: Annotated[
-        float | None,
-        typer.Option(
-            metavar="FACTOR",
-            help="With --lockstep: not faster than so many simulated seconds per second.  [default: no limit; 1 for a "
-            "script that answers before its driver has a new command, as ROS bridges do]",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
+    lockstep: bool = option(
+        "Each tick waits for the command of each script, as fast as they are.", False, "--lockstep/--real-time"
+    ),
+    pace: float | None = option(
+        "With --lockstep: not faster than so many simulated seconds per second.  [default: no limit; 1 for a "
+        "script that answers before its driver has a new command, as ROS bridges do]",
+        metavar="FACTOR",
+    ),
+    seed: int = option("Seed of all noise.", 0, min=0),
     output: ResultsFolder = None,
     record: Record = None,
-    cameras: Annotated[
-        bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
-    ] = False,
-    start_limit: Annotated[
-        float, typer.Option(metavar="S", min=0.1, help="Wall time in which each script must answer first.")
-    ] = 60.0,
+    cameras: bool = option("Render camera images; otherwise they are black.", False, "--cameras/--no-cameras"),
+    start_limit: float = option("Wall time in which each script must answer first.", 60.0, metavar="S", min=0.1),
     headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
@@ -86,29 +69,23 @@ def race(
 
     Writes result.json, result.md, laps.csv and lines.png, and prints the standings.
     """
+    arguments = locals()
     with narrated("starting the simulator"):  # at the first start, this takes seconds
+        from autodrive.connect.server.served import PageOptions
         from autodrive.run.race import RaceOptions
         from autodrive.run.race import race as run_race
 
-    options = RaceOptions(
-        track=track,
+    options = filled(
+        RaceOptions,
+        arguments,
         devkits=tuple(address(text) for text in devkit or ()),
         scripts=tuple(script or ()),
         teams=tuple(team or ()),
-        rules=rules,
-        laps=laps,
-        vehicle=vehicle,
         has_realistic_sensors=noise,
         is_lockstep=lockstep,
-        pace=pace,
-        seed=seed,
-        start_limit=start_limit,
         output=results_folder(output),
-        record=record,
-        cameras=cameras,
         has_page=not headless,
-        host=host,
-        port=port,
+        page=filled(PageOptions, arguments),
     )
     show_race(options, force, lambda stop, display: run_race(options, stop=stop, observer=display))
 

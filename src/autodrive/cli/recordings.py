@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 from typer.core import TyperGroup
 
-from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, Steering, check_outputs
+from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, Steering, check_outputs, option
 
 if TYPE_CHECKING:
     from autodrive.recording import Recording
@@ -50,10 +50,10 @@ def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
     from autodrive.recording.resimulation import resimulate
 
     own: dict[str, dict[str, Any]] = {}
-    for option in sensors:
-        match = OWN_SENSOR.fullmatch(option)
+    for sensor in sensors:
+        match = OWN_SENSOR.fullmatch(sensor)
         if match is None or not Path(match["file"]).is_file():
-            raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{option}'")
+            raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{sensor}'")
         own.setdefault(match["vehicle"], {})[match["name"]] = load(Path(match["file"]), match["kind"])
     with _opened(path) as recording:
         result = resimulate(recording, own)
@@ -66,19 +66,14 @@ def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
 
 def export(
     file: RecordingFile,
-    to: Annotated[FormatName, typer.Option(help="Format.")],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="PATH", help="File or folder to write.  [default: beside the recording]"
-        ),
-    ] = None,
-    vehicle: Annotated[str, typer.Option(metavar="NAME", help="Only this vehicle.  [default: all, or the first]")] = "",
-    rate: Annotated[
-        float | None, typer.Option(metavar="HZ", min=0.01, max=1e6, help="Rows in a second.  [default: of the format]")
-    ] = None,
-    start: Annotated[float | None, typer.Option(metavar="S", help="First time.  [default: the start]")] = None,
-    end: Annotated[float | None, typer.Option(metavar="S", help="Last time.  [default: the end]")] = None,
+    to: FormatName = option("Format.", ...),
+    output: Path | None = option(
+        "File or folder to write.  [default: beside the recording]", None, "--output", "-o", metavar="PATH"
+    ),
+    vehicle: str = option("Only this vehicle.  [default: all, or the first]", "", metavar="NAME"),
+    rate: float | None = option("Rows in a second.  [default: of the format]", metavar="HZ", min=0.01, max=1e6),
+    start: float | None = option("First time.  [default: the start]", metavar="S"),
+    end: float | None = option("Last time.  [default: the end]", metavar="S"),
     force: Force = False,
 ) -> None:
     """Write a recording in a format of another program.
@@ -99,10 +94,8 @@ def export(
 
 def plot(
     file: RecordingFile,
-    signals: Annotated[str, typer.Option(metavar="A,B", help="Names of signals, such as V1/velocity,V1/imu/euler.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG file.  [default: FILE.png]")
-    ] = None,
+    signals: str = option("Names of signals, such as V1/velocity,V1/imu/euler.", ..., metavar="A,B"),
+    output: Path | None = option("PNG or SVG file.  [default: FILE.png]", None, "--output", "-o", metavar="FILE"),
     force: Force = False,
 ) -> None:
     """Draw signals of a recording over time."""
@@ -117,20 +110,13 @@ def plot(
 
 def compare(
     file: RecordingOrLog,
-    scenario: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Scenario that is simulated.  [default: that of the recording; the plane for a log]"
-        ),
-    ] = None,
-    vehicle: Annotated[str, typer.Option(metavar="NAME", help="Vehicle of the recording.  [default: the first]")] = "",
-    type_: Annotated[
-        str, typer.Option("--type", metavar="NAME", help="Name or file of another type of that vehicle.")
-    ] = "",
+    scenario: str | None = option(
+        "Scenario that is simulated.  [default: that of the recording; the plane for a log]", metavar="NAME"
+    ),
+    vehicle: str = option("Vehicle of the recording.  [default: the first]", "", metavar="NAME"),
+    type_: str = option("Name or file of another type of that vehicle.", "", "--type", metavar="NAME"),
     steering: Steering = "left",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Draw paths and errors as PNG or SVG file.")
-    ] = None,
+    output: Path | None = option("Draw paths and errors as PNG or SVG file.", None, "--output", "-o", metavar="FILE"),
     force: Force = False,
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""

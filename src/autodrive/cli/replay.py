@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token
+from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token, filled, option
 from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
@@ -20,32 +20,29 @@ def replay(
     port: Port = None,
     token: Token = None,
     browser: Browser = True,
-    speed: Annotated[float, typer.Option(metavar="N", help="Recorded seconds per second.")] = 1.0,
-    paused: Annotated[bool, typer.Option("--paused", help="Wait until somebody presses Play.")] = False,
-    resimulate: Annotated[
-        bool,
-        typer.Option(
-            "--resimulate",
-            help="Simulate it again instead, and compare every Frame: the last line is 'identical' (exit code 0), or "
-            "the first difference (exit code 1).",
-        ),
-    ] = False,
-    sensor: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="V1/NAME=FILE.py:CLASS",
-            help="With --resimulate: the class of a sensor of the user, which is not in the recording. Once for each.",
-        ),
-    ] = None,
-    camera_quality: Annotated[
-        str, typer.Option(metavar="NAME", help="Of camera images that were not recorded; see: autodrive run --help.")
-    ] = "auto",
+    speed: float = option("Recorded seconds per second.", 1.0, metavar="N"),
+    paused: bool = option("Wait until somebody presses Play.", False, "--paused"),
+    resimulate: bool = option(
+        "Simulate it again instead, and compare every Frame: the last line is 'identical' (exit code 0), or "
+        "the first difference (exit code 1).",
+        False,
+        "--resimulate",
+    ),
+    sensor: list[str] | None = option(
+        "With --resimulate: the class of a sensor of the user, which is not in the recording. Once for each.",
+        metavar="V1/NAME=FILE.py:CLASS",
+    ),
+    camera_quality: str = option(
+        "Of camera images that were not recorded; see: autodrive run --help.", "auto", metavar="NAME"
+    ),
 ) -> None:
     """Show a recording in the page, until Ctrl-C."""
+    arguments = locals()
     if resimulate:
         from autodrive.cli.recordings import simulate_again
 
         raise typer.Exit(simulate_again(file, sensor or []))
+    from autodrive.connect.server.served import PageOptions
     from autodrive.recording.replay import ReplayOptions
     from autodrive.recording.replay import replay as show
     from autodrive.run.browser import has_screen, open_page, tunnel
@@ -64,7 +61,7 @@ def replay(
         if browser and has_screen():
             open_page(url)
 
-    options = ReplayOptions(speed, paused, camera_quality, host=host, port=port, token=token)
+    options = filled(ReplayOptions, arguments, is_paused=paused, page=filled(PageOptions, arguments))
     with StopSignals(lambda _: stop.set()) as signals:
         show(file, options, stop=stop, on_start=started)
     signals.end()

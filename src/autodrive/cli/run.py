@@ -7,14 +7,26 @@ import importlib
 import logging
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.base.tcp import without_brackets
 from autodrive.cli.narrated import narrated
-from autodrive.cli.options import Browser, Force, Headless, Host, Port, Record, Token, check_outputs
+from autodrive.cli.options import (
+    Browser,
+    Force,
+    Headless,
+    Host,
+    Port,
+    Record,
+    Token,
+    argument,
+    check_outputs,
+    filled,
+    option,
+)
 from autodrive.cli.stopping import StopSignals
 from autodrive.cli.weather import environment
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
@@ -33,166 +45,115 @@ Profile: TypeAlias = Literal["2020", "2022", "2023", "2025"]
 
 
 def run(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario (see: autodrive list scenarios), or path of its YAML file.")
-    ] = "mini_map",
+    scenario: str = argument(
+        "Name of a scenario (see: autodrive list scenarios), or path of its YAML file.", "mini_map"
+    ),
     headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
     token: Token = None,
-    allow_origin: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ORIGIN", help="Let pages of that origin connect, e.g. https://lab.example.org; repeatable."
-        ),
-    ] = None,
+    allow_origin: list[str] | None = option(
+        "Let pages of that origin connect, e.g. https://lab.example.org; repeatable.", metavar="ORIGIN"
+    ),
     browser: Browser = True,
-    devkit: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Connect to the devkit script at that address.")
-    ] = "",
-    devkit_profile: Annotated[
-        Profile | None, typer.Option(help="Devkit generation of the script.  [default: detected]")
-    ] = None,
-    devkit_steering: Annotated[
-        Side | None,
-        typer.Option(help="Where a positive steering command of the script turns.  [default: as in the profile]"),
-    ] = None,
-    devkit_feedback: Annotated[
-        Side | None,
-        typer.Option(help="Where a positive steering angle points for the script.  [default: as in the profile]"),
-    ] = None,
-    devkit_lidar: Annotated[
-        LidarFormat | None,
-        typer.Option(help="Format of LIDAR scans for the script.  [default: detected from its commands]"),
-    ] = None,
-    devkit_keys: Annotated[
-        DevkitKeys | None,
-        typer.Option(help="Keys of the messages: 'Throttle' or 'V1 Throttle'.  [default: as in the profile]"),
-    ] = None,
-    devkit_handshake: Annotated[
-        Handshake | None,
-        typer.Option(help="Handshake of the script's server; raw: the C++ devkit.  [default: detected]"),
-    ] = None,
-    mode: Annotated[
-        DrivingMode | None,
-        typer.Option(help="Whether a person or a script drives.  [default: autonomous with --devkit, else manual]"),
-    ] = None,
-    duration: Annotated[
-        float | None, typer.Option(metavar="S", min=0, help="Simulated seconds to run.  [default: until Ctrl-C]")
-    ] = None,
-    speed: Annotated[
-        str, typer.Option(metavar="N|max", help="Simulated seconds per second; max: as fast as possible.")
-    ] = "1",
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all noise.  [default: seed of the scenario]")] = None,
-    weather: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="VALUE", help="Weather and time of day, e.g. rain=0.6, heavy_fog, time=18:30; repeatable."
-        ),
-    ] = None,
-    summary: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="Write the summary of the run to that file.")
-    ] = None,
-    recordings: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Folder for recordings that are started in the page.")
-    ] = Path("recordings"),
-    folder: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Folder with your own scenarios, maps and tracks, which the page lists and saves."
-        ),
-    ] = None,
+    devkit: str = option("Connect to the devkit script at that address.", "", metavar="HOST:PORT"),
+    devkit_profile: Profile | None = option("Devkit generation of the script.  [default: detected]"),
+    devkit_steering: Side | None = option(
+        "Where a positive steering command of the script turns.  [default: as in the profile]"
+    ),
+    devkit_feedback: Side | None = option(
+        "Where a positive steering angle points for the script.  [default: as in the profile]"
+    ),
+    devkit_lidar: LidarFormat | None = option(
+        "Format of LIDAR scans for the script.  [default: detected from its commands]"
+    ),
+    devkit_keys: DevkitKeys | None = option(
+        "Keys of the messages: 'Throttle' or 'V1 Throttle'.  [default: as in the profile]"
+    ),
+    devkit_handshake: Handshake | None = option(
+        "Handshake of the script's server; raw: the C++ devkit.  [default: detected]"
+    ),
+    mode: DrivingMode | None = option(
+        "Whether a person or a script drives.  [default: autonomous with --devkit, else manual]"
+    ),
+    duration: float | None = option("Simulated seconds to run.  [default: until Ctrl-C]", metavar="S", min=0),
+    speed: str = option("Simulated seconds per second; max: as fast as possible.", "1", metavar="N|max"),
+    seed: int | None = option("Seed of all noise.  [default: seed of the scenario]", min=0),
+    weather: list[str] | None = option(
+        "Weather and time of day, e.g. rain=0.6, heavy_fog, time=18:30; repeatable.", metavar="VALUE"
+    ),
+    summary: Path | None = option("Write the summary of the run to that file.", metavar="FILE.json"),
+    recordings: Path = option(
+        "Folder for recordings that are started in the page.", Path("recordings"), metavar="FOLDER"
+    ),
+    folder: Path | None = option(
+        "Folder with your own scenarios, maps and tracks, which the page lists and saves.", metavar="FOLDER"
+    ),
     record: Record = None,
-    record_last: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            min=0.1,
-            max=86400,
-            help="With --record: keep only the last S seconds, and write them to a numbered file at each collision.",
-        ),
-    ] = None,
-    cameras: Annotated[
-        bool | None,
-        typer.Option(
-            "--cameras/--no-cameras",
-            help="Render camera images always, or never.  [default: always with --devkit, else while a client shows "
-            "them]",
-        ),
-    ] = None,
-    lockstep: Annotated[
-        bool | None,
-        typer.Option(
-            "--lockstep/--no-lockstep",
-            help="Render each image in its tick: reproducible, but time waits for it; otherwise asynchronously: images "
-            "are dropped if the machine is too slow.  [default: in the tick with --speed max]",
-        ),
-    ] = None,
-    camera_quality: Annotated[
-        str, typer.Option(metavar="NAME", help="auto, software, software-fxaa, small or gpu.")
-    ] = "auto",
-    image_size: Annotated[
-        str,
-        typer.Option(metavar="WxH", help="Size of the images for the devkit script.  [default: that of the camera]"),
-    ] = "",
-    image_quality: Annotated[
-        int, typer.Option(min=1, max=100, help="JPEG quality of the images for the devkit script.")
-    ] = 75,
+    record_last: float | None = option(
+        "With --record: keep only the last S seconds, and write them to a numbered file at each collision.",
+        metavar="S",
+        min=0.1,
+        max=86400,
+    ),
+    cameras: bool | None = option(
+        "Render camera images always, or never.  [default: always with --devkit, else while a client shows them]",
+        None,
+        "--cameras/--no-cameras",
+    ),
+    lockstep: bool | None = option(
+        "Render each image in its tick: reproducible, but time waits for it; otherwise asynchronously: images "
+        "are dropped if the machine is too slow.  [default: in the tick with --speed max]",
+        None,
+        "--lockstep/--no-lockstep",
+    ),
+    camera_quality: str = option("auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"),
+    image_size: str = option(
+        "Size of the images for the devkit script.  [default: that of the camera]", "", metavar="WxH"
+    ),
+    image_quality: int = option("JPEG quality of the images for the devkit script.", 75, min=1, max=100),
     force: Force = False,
 ) -> None:
     """Run a scenario until its duration is over, or until Ctrl-C."""
+    arguments = locals()
     if record_last is not None and record is None:
         raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
     # with --record-last the names of the files have numbers that no file has
     check_outputs(summary, None if record_last else record, is_forced=force)
-    options = _options_type()(
-        scenario=scenario,
-        mode=mode,
-        duration=duration,
+    devkit_arguments = {name.removeprefix("devkit_"): value for name, value in arguments.items()}
+    _import_run()
+    from autodrive.run.options import PageOptions, RunOptions
+
+    options = filled(
+        RunOptions,
+        arguments,
         speed=_speed(speed),
-        seed=seed,
         environment=environment(weather) if weather else {},
         devkit=address(devkit) if devkit else None,
-        devkit_settings=DevkitSettings(
-            profile=devkit_profile,
-            keys=devkit_keys,
-            lidar=devkit_lidar,
-            steering=devkit_steering,
-            feedback=devkit_feedback,
-            handshake=devkit_handshake,
-        ),
-        summary=summary,
-        recordings=recordings,
-        folder=folder,
-        record=record,
-        record_last=record_last,
-        cameras=cameras,
+        devkit_settings=filled(DevkitSettings, devkit_arguments),
         is_lockstep=lockstep,
-        camera_quality=camera_quality,
         image_size=size_of(image_size) if image_size else None,
-        image_quality=image_quality,
         has_page=not headless,
-        host=host,
-        port=port,
-        token=token,
-        allowed_origins=tuple(allow_origin or ()),
+        page=filled(PageOptions, arguments, allowed_origins=tuple(allow_origin or ())),
     )
     _run(options, opens_browser=browser)
 
 
 def run_default() -> None:
     """`autodrive run` without arguments."""
-    _run(_options_type()(), opens_browser=True)
+    _import_run()
+    from autodrive.run.options import RunOptions
+
+    _run(RunOptions(), opens_browser=True)
 
 
-def _options_type() -> type[RunOptions]:
-    """The class of the options, and with it all that a run needs, which takes seconds at the first start."""
+def _import_run() -> None:
+    """Import all that a run needs, which takes seconds at the first start."""
     with narrated("starting the simulator"):
-        importlib.import_module("autodrive.cli.status")
-        from autodrive.run.options import RunOptions
-    return RunOptions
+        for module in ("autodrive.cli.status", "autodrive.run.options"):
+            importlib.import_module(module)
 
 
 def _run(options: RunOptions, *, opens_browser: bool) -> None:

@@ -12,9 +12,9 @@ from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, is_yaml, joined
 from autodrive.base.suggest import suggest
-from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_paths_of
 from autodrive.scenario.files import described
+from autodrive.scenario.kinds import Kind, check_exists, find, names, read
 from autodrive.scenario.maps.map import Map, MapSpec, load_map, map_warnings
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors, track_warnings
@@ -40,7 +40,7 @@ SPECS: dict[Kind, type[Spec]] = {
 def kind_of_name(name: str, order: tuple[Kind, ...] = KINDS) -> Kind:
     """The first kind with that name, or the kind of a YAML file. Raises `SpecError`."""
     if is_yaml(name):
-        yaml_files.check_exists(Path(name), *order)
+        check_exists(Path(name), *order)
         return kind_of_file(Path(name))
     for kind in order:
         if name in names(kind):

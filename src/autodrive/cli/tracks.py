@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from autodrive.base.errors import AutodriveError
-from autodrive.cli.options import Force, check_end, check_outputs
+from autodrive.cli.options import Force, argument, check_end, check_outputs, filled, option
 
 if TYPE_CHECKING:
     from autodrive.scenario.tracks.track import BarrierSpec, Track
@@ -29,30 +29,19 @@ RaceLine = Annotated[bool, typer.Option("--race-line", help="Compute a race line
 
 @importing.command("track")
 def import_track(
-    path: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder of f1tenth_racetracks, YAML file of the ROS map_server, its picture, or CSV file of a centre "
-            "line."
-        ),
-    ],
+    path: Path = argument(
+        "Folder of f1tenth_racetracks, YAML file of the ROS map_server, its picture, or CSV file of a centre line.", ...
+    ),
     output: Output = None,
-    name: Annotated[str, typer.Option(help="Name of the track.  [default: that of the folder or file]")] = "",
-    tolerance: Annotated[
-        float, typer.Option(metavar="M", help="Largest distance of a wall from the contour [m].", min=0.001, max=1)
-    ] = 0.02,
-    close: Annotated[
-        float, typer.Option(metavar="M", help="Close openings of the walls that are narrower [m].", min=0, max=2)
-    ] = 0.0,
-    width: Annotated[
-        float | None, typer.Option(metavar="M", help="Width, for a centre line without widths [m].", min=0.1, max=100)
-    ] = None,
-    resolution: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Edge of a pixel [m], of a picture without a YAML file.", min=0.0001, max=10),
-    ] = None,
-    start: Annotated[str | None, typer.Option(metavar="X,Y", help="A point near the start line [m].")] = None,
-    reverse: Annotated[bool, typer.Option("--reverse", help="Drive in the other direction.")] = False,
+    name: str = option("Name of the track.  [default: that of the folder or file]", ""),
+    tolerance: float = option("Largest distance of a wall from the contour [m].", 0.02, metavar="M", min=0.001, max=1),
+    close: float = option("Close openings of the walls that are narrower [m].", 0.0, metavar="M", min=0, max=2),
+    width: float | None = option("Width, for a centre line without widths [m].", metavar="M", min=0.1, max=100),
+    resolution: float | None = option(
+        "Edge of a pixel [m], of a picture without a YAML file.", metavar="M", min=0.0001, max=10
+    ),
+    start: str | None = option("A point near the start line [m].", metavar="X,Y"),
+    reverse: bool = option("Drive in the other direction.", False, "--reverse"),
     barrier: Barrier = "wall",
     gap: DuctGap = 0.0,
     duct_length: DuctLength = 3.0,
@@ -60,6 +49,7 @@ def import_track(
     force: Force = False,
 ) -> None:
     """Import a race track: walls, centre line and race line, with checks."""
+    arguments = locals()
     from autodrive.scenario.tracks import importer
 
     check_end("--output", output, ".yaml", ".yml")
@@ -70,15 +60,13 @@ def import_track(
             f"the track would replace the file that it is made from: choose another --output  ({file})"
         )
     check_outputs(file, is_forced=force)
-    options = importer.ImportOptions(
-        name=name,
-        tolerance=tolerance,
+    options = filled(
+        importer.ImportOptions,
+        arguments,
         gap=close,
-        width=width,
         barrier=_barrier(barrier, gap, duct_length),
         start=_pair(start, ",", "--start", "X,Y such as 1.5,-2") if start else None,
         is_reversed=reverse,
-        resolution=resolution,
     )
     track, warnings = importer.import_track(path, options)
     for warning in warnings:
@@ -89,11 +77,9 @@ def import_track(
 
 @exporting.command("track")
 def export_track(
-    name: Annotated[str, typer.Argument(help="Name of a track, or path of its YAML file.")],
-    folder: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.  [default: NAME]")
-    ] = None,
-    resolution: Annotated[float, typer.Option(metavar="M", help="Edge of a pixel [m].", min=0.001, max=1)] = 0.05,
+    name: str = argument("Name of a track, or path of its YAML file.", ...),
+    folder: Path | None = option("Where to write.  [default: NAME]", None, "--output", "-o", metavar="FOLDER"),
+    resolution: float = option("Edge of a pixel [m].", 0.05, metavar="M", min=0.001, max=1),
     force: Force = False,
 ) -> None:
     """Write a track as in f1tenth_racetracks: NAME_map.yaml, NAME_map.png, NAME_centerline.csv, NAME_raceline.csv."""
@@ -109,13 +95,11 @@ def export_track(
 
 @generating.command("track")
 def generate_track(
-    seed: Annotated[int, typer.Option(help="The same seed gives the same track.", min=0, max=2**63 - 1)] = 0,
-    length: Annotated[float, typer.Option(metavar="M", help="Length of the centre line [m], within 5 %.")] = 60.0,
-    width: Annotated[float, typer.Option(metavar="M", help="Width between the barriers [m], at least 0.9.")] = 1.2,
-    area: Annotated[str, typer.Option(metavar="AxB", help="Extent along x and y, barriers included [m].")] = "30x10",
-    min_radius: Annotated[
-        float | None, typer.Option(metavar="M", help="Smallest radius of the centre line [m].  [default: the width]")
-    ] = None,
+    seed: int = option("The same seed gives the same track.", 0, min=0, max=2**63 - 1),
+    length: float = option("Length of the centre line [m], within 5 %.", 60.0, metavar="M"),
+    width: float = option("Width between the barriers [m], at least 0.9.", 1.2, metavar="M"),
+    area: str = option("Extent along x and y, barriers included [m].", "30x10", metavar="AxB"),
+    min_radius: float | None = option("Smallest radius of the centre line [m].  [default: the width]", metavar="M"),
     barrier: Barrier = "duct",
     gap: DuctGap = 0.03,
     duct_length: DuctLength = 3.0,

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from autodrive.base.cache import make_folder, write_file
-from autodrive.cli.options import Force, check_outputs
+from autodrive.cli.options import Force, argument, check_outputs, option
 
 
 def urdf(
-    output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
-        ),
-    ] = None,
+    output: Path = option("Folder of a ROS package called autodrive_description.", ...),
+    names: list[str] | None = argument(
+        "Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
+    ),
     force: Force = False,
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""
-    from autodrive.base.yaml_files import names as names_of
     from autodrive.graphics.meshes.store import description
+    from autodrive.scenario.kinds import names as names_of
     from autodrive.scenario.vehicles.spec import load_vehicle
 
     described = [description(load_vehicle(name), Path(name).stem) for name in names or names_of("vehicle")]

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
+from autodrive.cli.options import argument
+
 
 def weather(
-    values: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="VALUE...",
-            help="A name (sunny, cloudy, light_fog, heavy_fog, light_rain, heavy_rain, light_snow, heavy_snow), "
-            "amounts from 0 to 1 such as rain=0.6, and a time of day such as time=18:30.",
-        ),
-    ],
+    values: list[str] = argument(
+        "A name (sunny, cloudy, light_fog, heavy_fog, light_rain, heavy_rain, light_snow, heavy_snow), "
+        "amounts from 0 to 1 such as rain=0.6, and a time of day such as time=18:30.",
+        ...,
+        metavar="VALUE...",
+    ),
 ) -> None:
     """Print what a weather means in numbers on asphalt: grip, stopping distances, ranges of the LIDARs, sight."""
     from autodrive.protocol.messages import Weather
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.factory import make
-    from autodrive.world.weather_numbers import weather_numbers
+    from autodrive.world.views.weather_numbers import weather_numbers
 
     world = make(ScenarioSpec(map="plane", **environment(values)))
     is_day = None if world.time_of_day is None else world.scene_light

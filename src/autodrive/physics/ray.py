@@ -68,7 +68,7 @@ def cast_ray(
 def inverse_distance(kind: int, size: Vector, o: Vector, r: Vector) -> float:
     """Inverse distance [1/m] to a shape, o and r in its own axes: 0 for a miss, infinity for a start inside.
 
-    The nearest of many hits is the maximum, and on a plane it is linear in the direction (see sensors/fan.py).
+    The nearest of many hits is the maximum, and on a plane it is linear in the direction (see sensors/lidar/fan.py).
     """
     enter, leave, _ = _interval(kind, size, o, r)
     if leave < enter or leave < 0.0:

@@ -250,8 +250,8 @@ class DevkitCommands:
     """New states by number from 1: 0 disabled, 1 red, 2 yellow, 3 green."""
     resets: dict[str, bool] = field(default_factory=dict)
     """Whether 'Reset' is held, by vehicle; a change to True requests a reset."""
-    holds: list[Hold] = field(default_factory=list)
-    """Poses of co-simulated vehicles; a vehicle whose co-simulation is off is no longer held."""
+    holds: dict[str, Hold] = field(default_factory=dict)
+    """Poses of co-simulated vehicles, by vehicle; a vehicle whose co-simulation is off is no longer held."""
     environment: dict[str, float] = field(default_factory=dict)
     """Time of day and weather, by the keys of `ENVIRONMENT`."""
     refused: list[str] = field(default_factory=list)
@@ -281,18 +281,17 @@ def read_commands(data: Mapping[str, object], profile: Profile, previous: Mappin
             result.refused.append(f"{key}: {error}")
     for vehicle, pose in poses.items():
         try:
-            result.holds += _holds(vehicle, pose)
+            if "CoSim" in pose:
+                result.holds[vehicle] = _hold(vehicle, pose)
         except ValueError as error:
             result.refused.append(f"co-simulation of {vehicle}: {error}")
     return result
 
 
-def _holds(vehicle: str, pose: Mapping[str, float]) -> list[Hold]:
-    """What the keys of co-simulation request; nothing without 'CoSim'."""
-    if "CoSim" not in pose:
-        return []
+def _hold(vehicle: str, pose: Mapping[str, float]) -> Hold:
+    """What the keys of co-simulation request."""
     if not pose["CoSim"]:
-        return [Hold(vehicle, None)]
+        return Hold(vehicle, None)
     if missing := [key for key in _POSE_KEYS if key not in pose]:
         raise ValueError(f"the pose is not complete: {', '.join(missing)} missing")
     px, py, pz, x, y, z, w = (pose[key] for key in _POSE_KEYS)
@@ -300,7 +299,7 @@ def _holds(vehicle: str, pose: Mapping[str, float]) -> list[Hold]:
         raise ValueError(f"a position must be from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g} m")
     if not 1e-6 <= math.hypot(x, y, z, w) <= 1e6:
         raise ValueError("the quaternion must not be zero, and not be longer than 1e6")
-    return [Hold(vehicle, (px, py, pz), (w, x, y, z))]
+    return Hold(vehicle, (px, py, pz), (w, x, y, z))
 
 
 _POSE_KEYS = ("PosX", "PosY", "PosZ", "RotX", "RotY", "RotZ", "RotW")

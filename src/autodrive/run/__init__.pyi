@@ -1,3 +1,4 @@
+from .options import PageOptions as PageOptions
 from .options import RunOptions as RunOptions
 from .runner import Run as Run
 from .runner import RunObserver as RunObserver

@@ -10,8 +10,8 @@ from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.graphics.render.gl import GlUnavailable, probe
 from autodrive.run.summary import CamerasSummary, ImageCount
 from autodrive.world import World
-from autodrive.world.cameras import process_cameras
 from autodrive.world.factory import world_of
+from autodrive.world.views.cameras import process_cameras
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import CameraImage, Frame

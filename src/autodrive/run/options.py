@@ -17,7 +17,7 @@ DrivingMode: TypeAlias = Literal["manual", "autonomous"]
 
 @suggesting
 @dataclass(frozen=True)
-class RunOptions(PageOptions):
+class RunOptions:
     """Options of `autodrive.run.simulate` and of the command `autodrive run`."""
 
     scenario: str = DEFAULT
@@ -59,6 +59,8 @@ class RunOptions(PageOptions):
     """Folder with scenarios, maps and tracks of the user, which the page opens and saves."""
     has_page: bool = True
     """Whether the page and the native protocol are served."""
+    page: PageOptions = PageOptions()  # noqa: RUF009  it is frozen
+    """Where the page is served, and to whom."""
 
     @property
     def pictures(self) -> Literal["always", "wanted", "never"]:

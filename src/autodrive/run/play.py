@@ -14,7 +14,7 @@ from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.registration import IDS
 from autodrive.experiments.envs.settings import TASKS
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.experiments.policies.policy import SingleDriver
+from autodrive.experiments.policies.policy import PolicyDrivers
 from autodrive.experiments.policies.racer import PolicyRacer
 from autodrive.run.race import RaceOptions
 from autodrive.run.race import race as run_race
@@ -67,10 +67,10 @@ def play_environment(policy: Policy, steps: int | None = None) -> None:
     seen = _observation(policy)
     env = gymnasium.make(f"autodrive:{ids[policy.task]}", observation=seen, render_mode="human")
     names = [feature.name for feature in observed(TASKS[policy.task](1), seen)]
-    driver = SingleDriver(policy, names)
+    driver = PolicyDrivers(policy, names)
     features: np.ndarray = env.reset(seed=0)[0]
     for _ in itertools.count() if steps is None else range(steps):
-        features, _, terminated, truncated, _ = env.step(driver.act(features))
+        features, _, terminated, truncated, _ = env.step(driver.act(features)[0])
         if terminated or truncated:
             features = env.reset()[0]
             driver.begin()

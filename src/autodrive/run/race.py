@@ -20,7 +20,6 @@ from autodrive.base.python_files import script_files
 from autodrive.base.suggest import suggesting
 from autodrive.base.tcp import address_text
 from autodrive.base.version import __version__
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.one_vehicle import OWN
@@ -44,6 +43,7 @@ from autodrive.run.race_seat import Seat
 from autodrive.run.runner import Refusal, Run, RunObserver, StopRequest, images_by, opened
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.files import scenario_text
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
 from autodrive.world.compile import on_grid
@@ -71,7 +71,7 @@ ALLOWED = (
 
 @suggesting
 @dataclass(frozen=True)
-class RaceOptions(PageOptions):
+class RaceOptions:
     """Options of `autodrive.run.race` and of the command `autodrive race`."""
 
     track: str
@@ -107,6 +107,8 @@ class RaceOptions(PageOptions):
     """Whether camera images are rendered; otherwise scripts receive black images."""
     has_page: bool = True
     """Whether the page is served."""
+    page: PageOptions = PageOptions()  # noqa: RUF009  it is frozen
+    """Where the page is served, and to whom."""
 
     @property
     def names(self) -> list[str]:
@@ -345,10 +347,7 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
         record=options.record,
         is_lockstep=options.is_lockstep,
         has_page=options.has_page,
-        host=options.host,
-        port=options.port,
-        token=options.token,
-        allowed_origins=options.allowed_origins,
+        page=options.page,
     )
 
 

@@ -313,7 +313,7 @@ def _page_server(options: RunOptions) -> SimulationServer:
     """The server of the page and of the native protocol, which is not started yet and serves no simulation."""
     from autodrive.connect.server.server import SimulationServer
 
-    server = SimulationServer(None, options, page=built_page())
+    server = SimulationServer(None, options.page, page=built_page())
     server.starting = Starting("loading the world")
     return server
 

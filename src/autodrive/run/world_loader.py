@@ -11,9 +11,9 @@ from weakref import WeakKeyDictionary
 from autodrive.base.cache import PACKAGE
 from autodrive.base.readable import Refusal, reading_only
 from autodrive.base.specs import joined
-from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.descriptions import Descriptions
+from autodrive.scenario.kinds import titles
 from autodrive.world.factory import compile_scenario, world_of
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from autodrive.run.summary import CamerasSummary
     from autodrive.world import World
     from autodrive.world.compile import CompiledScenario
-    from autodrive.world.scene_files import SceneFiles
     from autodrive.world.simulation import Simulation
+    from autodrive.world.views.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 
@@ -118,7 +118,7 @@ class WorldLoader:
 
     def scenery(self, world: World) -> SceneFiles:
         """The scene files of a world that this loader made."""
-        from autodrive.world.scene_files import SceneFiles
+        from autodrive.world.views.scene_files import SceneFiles
 
         return SceneFiles.of(world, self._made[world][0])
 

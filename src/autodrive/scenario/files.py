@@ -17,8 +17,10 @@ from autodrive.base.errors import SpecError
 from autodrive.base.python_files import load
 from autodrive.base.specs import Described, Key, Spec, is_yaml
 from autodrive.base.suggest import suggest
-from autodrive.base.yaml_files import Kind, Source
+from autodrive.base.yaml_files import Source
+from autodrive.scenario import kinds
 from autodrive.scenario.descriptions import Descriptions, Specs
+from autodrive.scenario.kinds import Kind
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
@@ -33,7 +35,7 @@ def read_scenario(scenario: str | Path | ScenarioSpec) -> Descriptions:
     """A scenario (name, file or Spec) and all files that it names. Raises `SpecError` if it is not valid itself."""
     if isinstance(scenario, ScenarioSpec):
         return described(scenario)
-    source = yaml_files.source(yaml_files.find("scenario", scenario))
+    source = yaml_files.source(kinds.find("scenario", scenario))
     spec = yaml_files.checked_source(source, ScenarioSpec)
     return described(with_paths_of(spec, Path(source.path).parent), source)
 
@@ -114,13 +116,13 @@ def read_map(
 @functools.cache
 def map_titles() -> dict[str, str]:
     """Maps of the simulator to build from: name -> title."""
-    return yaml_files.titles("map", MapSpec)
+    return kinds.titles("map", MapSpec)
 
 
 def read_module(name: str | Path) -> Described[ModuleSpec]:
     """What the file of a module says."""
     try:
-        path = yaml_files.find("module", name)
+        path = kinds.find("module", name)
         return _module(path, path.stat().st_mtime_ns)
     except SpecError as error:
         return Described(str(name), None, error, error.path)
@@ -146,7 +148,7 @@ def check_names(scenario: ScenarioSpec, known: Specs) -> None:
     errors: list[str] = []
 
     def check(kind: str, name: str) -> str:
-        names = yaml_files.names(cast("Kind", kind)) + (yaml_files.names("track") if kind == "map" else [])
+        names = kinds.names(cast("Kind", kind)) + (kinds.names("track") if kind == "map" else [])
         if name not in names and not {f"{kind}/{name}", _absolute(f"{kind}/{name}")} & files:
             errors.append(f"{kind} '{name}' is not of the simulator. {suggest(name, names)}")
         return name
@@ -218,7 +220,7 @@ def _text(tree: dict[str, Any]) -> str:
 
 def _read(kind: Kind, name: str, spec: type[T]) -> Described[T]:
     try:
-        return _described(yaml_files.source(yaml_files.find(kind, name)), spec)
+        return _described(yaml_files.source(kinds.find(kind, name)), spec)
     except SpecError as error:
         return Described(name, None, error, error.path)
 
@@ -237,9 +239,9 @@ def _described(source: Source, spec: type[T], prefix: str = "") -> Described[T]:
 
 def _find_map(name: str | Path) -> Path:
     """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
-    if str(name) in yaml_files.names("track") and str(name) not in yaml_files.names("map"):
-        return yaml_files.find("track", name)
-    return yaml_files.find("map", name, also="track")
+    if str(name) in kinds.names("track") and str(name) not in kinds.names("map"):
+        return kinds.find("track", name)
+    return kinds.find("map", name, also="track")
 
 
 def _placements(tree: Any) -> Iterator[Placement | None]:

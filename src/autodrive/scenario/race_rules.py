@@ -70,6 +70,6 @@ class RaceRules(Spec):
 
 def load_rules(name: str | Path) -> RaceRules:
     """The rules of that name, or of a YAML file. Raises `SpecError` with all errors."""
-    from autodrive.base.yaml_files import read  # noqa: PLC0415  compiling needs no files
+    from autodrive.scenario.kinds import read  # noqa: PLC0415  compiling needs no files
 
     return read("ruleset", name, RaceRules)

@@ -286,7 +286,7 @@ Scenario = ScenarioSpec
 
 def load_scenario(name: str | Path) -> ScenarioSpec:
     """Load a scenario by name or file. Raises `SpecError` with all errors."""
-    from autodrive.base.yaml_files import find, read  # noqa: PLC0415  compiling needs no files
+    from autodrive.scenario.kinds import find, read  # noqa: PLC0415  compiling needs no files
 
     return with_paths_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
 

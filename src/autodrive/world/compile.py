@@ -19,7 +19,7 @@ from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.model import Model, ShapeTable
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
@@ -45,11 +45,11 @@ from autodrive.world.rules.traffic.traffic import Fleet
 
 
 @dataclass(frozen=True)
-class CompiledScenario:
-    """All parts of a World."""
+class CheckedScenario:
+    """A scenario that was checked, as far as this is possible without an engine."""
 
     specs: Specs
-    """The Specs that were compiled."""
+    """The Specs that were checked."""
     spec: ScenarioSpec
     """The scenario, with the vehicles on the grid of its track."""
     map: Map
@@ -57,6 +57,29 @@ class CompiledScenario:
     """Spec of each vehicle by name, in the order of the rows of the Model."""
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
+    users_sensors: dict[tuple[str, str], Any]
+    """The sensors of the user, by vehicle name and sensor name."""
+    boxes: list[BoxPlacement]
+    """Movable objects as they were placed."""
+    map_problems: list[PlacingProblem]
+    """What is wrong with a map that is being built, but can be simulated."""
+    race: Race | None
+    """The scorer of the race; None: the scenario has no race."""
+    problems: list[Problem]
+    """Why the scenario cannot be simulated."""
+    warnings: list[Problem]
+    """Probable mistakes that can be simulated."""
+
+    @property
+    def refusal(self) -> SpecProblems:
+        """The error with all problems and warnings."""
+        return SpecProblems([*self.problems, *(("warning: ", *warning) for warning in self.warnings)])
+
+
+@dataclass(frozen=True)
+class CompiledScenario(CheckedScenario):
+    """All parts of a World."""
+
     targets: Integers
     """What each shape is for a LIDAR; see `SensorTables`."""
     sensors: SensorSuite
@@ -70,28 +93,26 @@ class CompiledScenario:
     contacts: VehicleContacts
     scratch: Scratch
     objects: dict[str, int]
-    """Movable objects: name -> index of the pose in `State.qpos`."""
-    boxes: list[BoxPlacement]
-    """Movable objects as they were placed, in the order of `objects`."""
-    map_problems: list[PlacingProblem]
-    """What is wrong with a map that is being built, but can be simulated."""
-    race: Race | None
-    """The scorer of the race; None: the scenario has no race."""
+    """Movable objects, in the order of `boxes`: name -> index of the pose in `State.qpos`."""
     fleet: Fleet
     """The traffic."""
     owners: list[str]
     """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
-    warnings: list[Problem]
-    """Probable mistakes that can be simulated."""
 
 
 def compile_specs(specs: Specs) -> CompiledScenario:
     """Compiles a scenario. Raises `SpecProblems` with all problems."""
-    spec = specs.scenario
+    checked = _checked(specs)
+    fixed = fixed_shapes(checked.map.statics)
+    return _compiled(checked, _engine(checked, fixed), fixed)
+
+
+def _checked(specs: Specs) -> CheckedScenario:
+    """The scenario with all problems that are known without an engine. Raises `SpecProblems` if it cannot have one."""
     map_, vehicles, problems, map_problems = _load(specs)
     if map_ is None:
         raise SpecProblems(problems)
-    spec = on_grid(spec, map_)
+    spec = on_grid(specs.scenario, map_)
     if spec.traffic.cars:
         spec, wrong_traffic = _add_traffic(specs, spec, map_, vehicles)
         problems += wrong_traffic
@@ -112,72 +133,63 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))
+    checked = CheckedScenario(
+        specs, spec, map_, vehicles, configured, own_sensors, boxes, map_problems, race, problems, warnings
+    )
     if twice or len(boxes) > MAX_BOXES or not vehicles:  # without an engine, overlaps are not known
-        raise _refusal(problems, warnings)
-    bodies = [
-        vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
-        for name, vehicle in vehicles.items()
-    ]
-    fixed = fixed_shapes(map_.statics)
+        raise checked.refusal
+    return checked
+
+
+def _engine(checked: CheckedScenario, fixed: ShapeTable) -> Engine:
+    """The engine with all bodies at their starts. Raises `SpecProblems` if there are problems, also of these bodies."""
+    spec = checked.spec
+    placements = [(name, vehicle, spec.vehicles[name]) for name, vehicle in checked.vehicles.items()]
+    bodies = [vehicle_mjcf(name, vehicle, place.x, place.y, place.yaw) for name, vehicle, place in placements]
     try:
-        engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity), fixed)
+        engine = Engine(world_mjcf(checked.map, checked.boxes, bodies, spec.substep, spec.gravity), fixed)
     except EngineError as error:
         place = _at("boxes" if spec.boxes else "vehicles")
-        problems.append((place, f": {error}. Many bodies at the same place?"))
-        raise _refusal(problems, warnings) from None
-    geoms = engine.geoms()
-    names = ["ground", *(shape.name for shape in map_.statics), *(geom.name for geom in geoms)]
-    owners = [name.split("/")[0] for name in names]
-    overlapping = [(owners[a], owners[b]) for a, b in engine.overlapping()]
-    problems += overlapping_vehicles(vehicles, overlapping) + _unstable_vehicles(vehicles, spec)
-    if problems:
-        raise _refusal(problems, warnings)
+        checked.problems.append((place, f": {error}. Many bodies at the same place?"))
+        raise checked.refusal from None
+    owners = _owners(checked.map, engine.geoms())
+    checked.problems.extend(
+        overlapping_vehicles(checked.vehicles, [(owners[a], owners[b]) for a, b in engine.overlapping()])
+    )
+    checked.problems.extend(_unstable_vehicles(checked.vehicles, spec))
+    if checked.problems:
+        raise checked.refusal
+    return engine
+
+
+def _compiled(checked: CheckedScenario, engine: Engine, fixed: ShapeTable) -> CompiledScenario:
+    """All parts of a World. Raises `SpecProblems` for a sensor of the user that fails."""
+    spec, vehicles, configured, geoms = checked.spec, checked.vehicles, checked.configured, engine.geoms()
+    owners = _owners(checked.map, geoms)
     shapes = _with_movable(fixed, geoms, {engine.body(name)[0]: i for i, name in enumerate(vehicles)})
+    grips = [placement.grip_factor for placement in spec.vehicles.values()]
     model = Model(
         dt=spec.substep,
         gravity=spec.gravity,
         vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
-        wheels=wheel_table(
-            [*vehicles.values()],
-            [placement.grip_factor for placement in spec.vehicles.values()],
-            spec.substep,
-            map_.ground,
-            Weather(),
-        ),
+        wheels=wheel_table([*vehicles.values()], grips, spec.substep, checked.map.ground, Weather()),
         shapes=shapes,
     )
-    targets = _targets(map_, boxes, owners[1:], shapes)  # without the floor
+    targets = _targets(checked.map, checked.boxes, owners[1:], shapes)  # without the floor
     state = empty_state(model, engine.body_count)
-    objects = {box.name: engine.body(box.name)[1] for box in boxes}
-    own = OwnSensors(
-        {name: list(sensors) for name, sensors in configured.items()},
-        {name: engine.body(name)[1] for name in vehicles} | objects,
-        shapes,
-        state,
-        substep=Fraction(str(spec.substep)),
-        substeps=spec.substeps,
-    )
-    for (vehicle, name), sensor in own_sensors.items():
+    objects = {box.name: engine.body(box.name)[1] for box in checked.boxes}
+    poses = {name: engine.body(name)[1] for name in vehicles} | objects
+    times = {"substep": Fraction(str(spec.substep)), "substeps": spec.substeps}
+    own = OwnSensors({name: [*sensors] for name, sensors in configured.items()}, poses, shapes, state, **times)
+    for (vehicle, name), sensor in checked.users_sensors.items():
         try:
             own.add(vehicle, name, sensor)
         except SensorError as error:
             raise SpecProblems([(_at("vehicles", vehicle, "own_sensors", name), f": {error}")]) from None
     return CompiledScenario(
-        specs=specs,
-        spec=spec,
-        map=map_,
-        vehicles=vehicles,
-        configured=configured,
+        **vars(checked),
         targets=targets,
-        sensors=SensorSuite(
-            configured,
-            shapes,
-            state,
-            targets,
-            substep=Fraction(str(spec.substep)),
-            substeps=spec.substeps,
-            gravity=spec.gravity,
-        ),
+        sensors=SensorSuite(configured, shapes, state, targets, gravity=spec.gravity, **times),
         own_sensors=own,
         cameras=_cameras(configured),
         model=model,
@@ -187,17 +199,17 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         contacts=vehicle_contacts(model),
         scratch=scratch(model, engine.body_count),
         objects=objects,
-        boxes=boxes,
-        map_problems=map_problems,
-        race=race,
-        fleet=Fleet(spec, map_, vehicles, [(objects[box.name], box.size) for box in boxes], model.vehicles),
+        fleet=Fleet(
+            spec, checked.map, vehicles, [(objects[box.name], box.size) for box in checked.boxes], model.vehicles
+        ),
         owners=owners,
-        warnings=warnings,
     )
 
 
-def _refusal(problems: list[Problem], warnings: list[Problem]) -> SpecProblems:
-    return SpecProblems([*problems, *(("warning: ", *warning) for warning in warnings)])
+def _owners(map_: Map, geoms: Sequence[Geom]) -> list[str]:
+    """Name of the vehicle, box or fixed object of each solid; the first one is the floor."""
+    names = ["ground", *(shape.name for shape in map_.statics), *(geom.name for geom in geoms)]
+    return [name.split("/")[0] for name in names]
 
 
 def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:

@@ -36,7 +36,7 @@ def make(
     `cameras`: False omits the cameras, which costs nothing. True, or the name of a quality
     (`autodrive.graphics.render.quality.NAMES`), renders each camera in the tick in which it is due, from exactly that
     state; raises `GlUnavailable` if OpenGL is not available. A function makes another camera backend, such as
-    `autodrive.world.cameras.process_cameras`.
+    `autodrive.world.views.cameras.process_cameras`.
 
     `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
     is slower and differs in the last bits only.
@@ -96,6 +96,6 @@ def _camera_backend(
     if callable(cameras):
         return cameras(compiled)
     from autodrive.graphics.cameras.tick_cameras import TickCameras
-    from autodrive.world.cameras import camera_rig
+    from autodrive.world.views.cameras import camera_rig
 
     return TickCameras(camera_rig(compiled, "auto" if cameras is True else cameras))

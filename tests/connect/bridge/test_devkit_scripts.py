@@ -17,13 +17,13 @@ import pytest
 
 import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.protocol.devkit import initial_telemetry, telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.scenario import VehiclePlacement
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
 from tests.connect.bridge.conftest import ROOT, Resets, python_of, script

@@ -14,8 +14,8 @@ from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
 from autodrive.world.editing.map_scene import map_scene
 from autodrive.world.editing.track_edits import track_scene
-from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.scene_files import SceneFiles
 from tests.support.waiting import LIMIT
 
 SCENARIOS = {"mini_map": "Mini-map", "boxes": "Boxes"}

@@ -168,7 +168,7 @@ def test_a_run_is_noted_from_its_start_to_its_end(user: Path) -> None:
             stop.set()
 
     stop = StopRequest()
-    simulate(RunOptions("plane", port=0), stop=stop, observer=Observer())
+    simulate(RunOptions("plane", page=PageOptions(port=0)), stop=stop, observer=Observer())
     assert last_run() is None
 
 

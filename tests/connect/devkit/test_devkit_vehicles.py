@@ -112,7 +112,7 @@ def test_the_racing_car_reads_the_telemetry_of_the_league_and_is_driven_by_its_p
     car.rotW_command = 1.0
     received = read_commands(car.generate_commands(), PROFILES["roboracer"], {"red": Command()})
     assert received.commands["red"].steering == 0.5  # left
-    assert received.holds == [Hold("red", (1.0, 2.0, 0.1))]
+    assert received.holds == {"red": Hold("red", (1.0, 2.0, 0.1))}
     assert received.resets == {"red": False}
 
 

@@ -22,11 +22,11 @@ import yaml
 import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
 from autodrive.base.transforms import euler_from_quaternion
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.protocol.messages import Collision
 from autodrive.scenario import VehiclePlacement, load_scenario
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
 from tests.support.lockstep import answered_ticks

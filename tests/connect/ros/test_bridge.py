@@ -39,7 +39,7 @@ from autodrive.protocol.messages import (
 )
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import load_vehicle
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.scene_files import SceneFiles
 from tests.connect.client.conftest import started
 from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.transform_tree import Tree, matrix

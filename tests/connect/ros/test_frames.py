@@ -15,7 +15,6 @@ from msgspec.structs import replace
 
 import autodrive
 from autodrive import Simulation
-from autodrive.base.yaml_files import find, names
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config
 from autodrive.connect.ros.devkit_source import DevkitSource
@@ -24,6 +23,7 @@ from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.messages import CameraIntrinsics, LoadScenario, Pause, Pose, Reset, Resume, Step
 from autodrive.protocol.native import Picture
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import find, names
 from tests.connect.client.conftest import started
 from tests.connect.ros.test_bridge import ROOT, Listening, seconds, send_pose, served, tree
 from tests.protocol.devkit_frames import frame as frame_of

@@ -16,7 +16,6 @@ import yaml
 
 import autodrive
 from autodrive import Command, Frame, Simulation
-from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
 from autodrive.connect.ros.source import VehicleInfo
@@ -27,6 +26,7 @@ from autodrive.run import race as races
 from autodrive.run.race import RaceOptions
 from autodrive.run.runner import Run, RunObserver
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import find
 from autodrive.world.observer import Request
 from tests.connect.bridge.conftest import Resets
 from tests.connect.client.conftest import started

@@ -13,10 +13,10 @@ import autodrive
 from autodrive import AutodriveError, Client
 from autodrive.base.arrays import Floats
 from autodrive.base.png import decode_png, encode_png
-from autodrive.connect.server.request_queue import RequestQueue
+from autodrive.connect.server.operations import KINDS
+from autodrive.connect.server.request_queue import QueuedOperation, RequestQueue
 from autodrive.connect.server.server import MESSAGE_LIMIT, SimulationServer
 from autodrive.protocol.messages import MAX_TEXT
-from autodrive.protocol.native import Request
 from autodrive.protocol.own_files import ImportTrack
 from autodrive.scenario.tracks.importer import export_track
 from autodrive.scenario.tracks.track import Track
@@ -116,8 +116,8 @@ def test_the_largest_message_is_read_and_one_that_is_longer_ends_the_connection(
 
 def test_few_bytes_of_a_client_wait() -> None:
     queue = RequestQueue()
-    request = Request(1, ImportTrack(b"", ""))
-    assert queue.add(request, MESSAGE_LIMIT)
-    assert not queue.add(request, MESSAGE_LIMIT)
+    entry = QueuedOperation(ImportTrack(b"", ""), KINDS[ImportTrack], [1], MESSAGE_LIMIT)
+    assert queue.add(entry)
+    assert not queue.add(entry)
     queue.take(0.0)
-    assert queue.add(request, MESSAGE_LIMIT)
+    assert queue.add(entry)

@@ -12,8 +12,8 @@ from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import EditMap, MapModule, MapPart
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.factory import new_world
-from autodrive.world.scene_files import FOLDER, SceneFiles
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.scene_files import FOLDER, SceneFiles
 
 
 def test_every_file_that_a_scene_names_is_there_once_and_is_an_asset() -> None:

@@ -13,9 +13,7 @@ import pytest
 
 import autodrive
 from autodrive import AutodriveError, Client
-from autodrive.base import yaml_files
 from autodrive.base.png import decode_png
-from autodrive.base.yaml_files import Kind
 from autodrive.connect.server.served import OwnFiles, PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine, UseMap
@@ -23,6 +21,8 @@ from autodrive.protocol.own_files import ExportMap, ListFiles, OpenFile, OwnFile
 from autodrive.run.options import RunOptions
 from autodrive.run.own_files import UserFiles
 from autodrive.run.world_loader import WorldLoader
+from autodrive.scenario import kinds
+from autodrive.scenario.kinds import Kind
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.raster import occupancy
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS
@@ -128,7 +128,7 @@ def test_a_map_of_the_folder_has_own_modules_of_the_folder(
 ) -> None:
     monkeypatch.chdir("/")
     (folder / "parts").mkdir()
-    text = yaml_files.find("module", "straight_road").read_text()
+    text = kinds.find("module", "straight_road").read_text()
     (folder / "parts" / "road.yaml").write_text(text.replace("title: ", "title: My "))
     (folder / "own.yaml").write_text(OWN.replace("MODULE", "parts/road.yaml"))
     ask(sim, OpenFile("own.yaml"))
@@ -158,7 +158,7 @@ def test_own_modules_outside_of_the_folder_are_not_read(
     assert simulation.world is before
 
 
-ROAD = yaml_files.find("module", "straight_road").read_text()
+ROAD = kinds.find("module", "straight_road").read_text()
 
 
 @pytest.fixture
@@ -168,7 +168,7 @@ def secrets(folder: Path) -> Path:
     secrets.mkdir()
     files: dict[Kind, str] = {"vehicle": "nigel", "map": "plane", "track": "practice", "ruleset": "practice"}
     for kind, name in files.items():
-        (secrets / f"{kind}.yaml").write_text(yaml_files.find(kind, name).read_text())
+        (secrets / f"{kind}.yaml").write_text(kinds.find(kind, name).read_text())
     (secrets / "module.yaml").write_text(ROAD)
     (secrets / "sensor.py").write_text(f"open({str(folder.parent / 'note')!r}, 'w')\nclass Sensor: pass\n")
     return secrets
@@ -251,7 +251,7 @@ def test_files_of_the_folder_and_of_the_start_are_read(loaded: Client, folder: P
     ask(loaded, OpenFile("town.yaml"))
     start = folder.parent / "start.yaml"
     start.write_text("title: Start\nmap: there.yaml\n")
-    (folder.parent / "there.yaml").write_text(yaml_files.find("map", "plane").read_text())
+    (folder.parent / "there.yaml").write_text(kinds.find("map", "plane").read_text())
     loader = WorldLoader(RunOptions(str(start), folder=folder, cameras=False))
     loader.load(str(start)).close()
     (folder / "again.yaml").write_text(f"title: Again\nmap: {folder.parent / 'there.yaml'}\n")

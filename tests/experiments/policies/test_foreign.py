@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from autodrive.base.errors import SpecError
 from autodrive.cli.app import app
 from autodrive.experiments.policies.foreign import ForeignPolicy
-from autodrive.run.team import drive, foreign_team, show
+from autodrive.experiments.policies.team import drive, foreign_team, show
 
 FLOAT, INT64 = TensorProto.FLOAT, TensorProto.INT64
 HIDDEN = 16

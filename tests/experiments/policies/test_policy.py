@@ -23,7 +23,7 @@ from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies import Policy, PolicyMemory
-from autodrive.experiments.policies.policy import GREATEST, Pace, PolicyDrivers, SingleDriver
+from autodrive.experiments.policies.policy import GREATEST, Pace, PolicyDrivers
 from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
@@ -54,7 +54,7 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
     weight, bias = policy.layers[-1]
     drive, steer = np.clip(weight.astype(float) @ values + bias, -1.0, 1.0)
     assert policy.outputs(features) == pytest.approx((drive, steer), abs=1e-12)
-    assert SingleDriver(policy, INPUTS).act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
+    assert PolicyDrivers(policy, INPUTS).act(features)[0] == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
 
 
 @given(st.floats(0.5, 2.0))
@@ -62,11 +62,11 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
 def test_a_slower_policy_does_at_lower_speeds_what_the_policy_does(factor: float) -> None:
     inputs = (*INPUTS, "wheel_speed@2", "yaw_rate@1", "range_2.5@3", "steer@1", "drive@1")
     policy = random_policy(inputs=inputs)
-    driver, slower = SingleDriver(policy, INPUTS), SingleDriver(policy.slower(factor), INPUTS)
+    driver, slower = PolicyDrivers(policy, INPUTS), PolicyDrivers(policy.slower(factor), INPUTS)
     is_speed = np.isin(INPUTS, ("wheel_speed", "yaw_rate"))
     for readings in np.random.default_rng(5).uniform(0.0, 3.0, (6, len(INPUTS))):
-        throttle, steering = driver.act(readings)
-        slow = slower.act(np.where(is_speed, readings / factor, readings))
+        throttle, steering = driver.act(readings)[0]
+        slow = slower.act(np.where(is_speed, readings / factor, readings))[0]
         assert slow == pytest.approx((throttle / factor, steering), abs=1e-9)
 
 
@@ -79,7 +79,7 @@ def test_a_policy_is_not_slower_by_any_factor(factor: float) -> None:
 def test_large_numbers_saturate() -> None:
     policy = random_policy()
     for sign in (-1.0, 1.0):
-        throttle, steering = SingleDriver(policy, INPUTS).act(np.full(len(INPUTS), sign * 1e30))
+        throttle, steering = PolicyDrivers(policy, INPUTS).act(np.full(len(INPUTS), sign * 1e30))[0]
         assert 0.0 <= throttle <= 0.4
         assert -1.0 <= steering <= 1.0
 
@@ -105,14 +105,14 @@ def test_a_policy_reads_the_last_moments_and_its_own_outputs() -> None:
         ((weight, np.zeros(2, np.float32)),),
     )
     assert policy.readings == ("wheel_speed",)
-    driver = SingleDriver(policy, ("yaw_rate", "wheel_speed"))
+    driver = PolicyDrivers(policy, ("yaw_rate", "wheel_speed"))
     for _ in range(2):
         speeds = np.random.default_rng(1).uniform(-0.4, 0.4, 20).tolist()
         drive, steer = [0.0] * 3, [0.0] * 3
         for k, speed in enumerate(speeds):
             then = speeds[max(k - 2, 0)]
             expected = then - 0.5 * drive[-1], 0.25 * then + 0.5 * steer[-3]
-            assert driver.act(np.array([9.0, speed])) == pytest.approx(expected, abs=1e-6)
+            assert driver.act(np.array([9.0, speed]))[0] == pytest.approx(expected, abs=1e-6)
             drive.append(expected[0])
             steer.append(expected[1])
         driver.begin()
@@ -147,7 +147,7 @@ def test_cars_have_memories_of_their_own() -> None:
 )
 def test_a_moment_that_cannot_be_is_refused(name: str, message: str) -> None:
     with pytest.raises(AutodriveError, match=message):
-        SingleDriver(random_policy(inputs=(name,)), INPUTS)
+        PolicyDrivers(random_policy(inputs=(name,)), INPUTS)
 
 
 def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> None:

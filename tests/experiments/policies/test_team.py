@@ -14,8 +14,8 @@ from autodrive.base.errors import SpecError
 from autodrive.cli.app import app
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.policies import Policy
-from autodrive.experiments.policies.racer import PolicyRacers
-from autodrive.run.team import Act, Team, drive, duel_team, learnt_team, program, show
+from autodrive.experiments.policies.racer import PolicyRacer
+from autodrive.experiments.policies.team import Act, Team, drive, duel_team, learnt_team, program, show
 from tests.support.command_line import refused
 from tests.support.waiting import free_port
 
@@ -108,11 +108,11 @@ def test_a_duel_has_laps_and_noise() -> None:
     policy, seen = Policy.find("race"), []
 
     def ranges(laps: int, has_noise: bool) -> list[Floats]:
-        racer = PolicyRacers(policy)
+        racer = PolicyRacer(policy)
 
         def act(observations: np.ndarray, cars: CarReadings) -> Floats:
             seen[-1].append(cars.lidar_ranges[0].copy())
-            return racer.act(observations, cars)
+            return racer.act_all(observations, cars)
 
         seen.append([])
         show(duel_team(act, policy, laps=laps, has_noise=has_noise), 1, mode=None)

@@ -21,10 +21,10 @@ from autodrive.protocol.messages import Command, Frame, Headlights
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.batch import BatchWorld
-from autodrive.world.batch_camera import BatchCamera
-from autodrive.world.cameras import camera_rig
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.batch_camera import BatchCamera
+from autodrive.world.views.cameras import camera_rig
 
 SIZE = 84, 64
 PLACES = [

@@ -16,7 +16,7 @@ from autodrive.graphics.cameras.scene_camera import check_sensor, sensor_view
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.protocol.labels import COLOURS, Label
 from autodrive.protocol.native import ViewSensor
-from autodrive.world.cameras import camera_rig
+from autodrive.world.views.cameras import camera_rig
 
 PAGE = Path(__file__).parents[3] / "web" / "src" / "scene" / "turbo.ts"
 

@@ -19,11 +19,11 @@ from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import rigid
 from autodrive.graphics.render.strokes import CHARACTER, LEAST, LINE, Strokes, dots, letters, lines, spread
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
-from autodrive.world.cameras import scene_rig
 from autodrive.world.contacts import shapes_of
+from autodrive.world.views.cameras import scene_rig
 from tests.support.scenes import needs_gl
 
 MAGENTA = (1.0, 0.0, 1.0, 1.0)

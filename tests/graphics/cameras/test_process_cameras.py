@@ -18,9 +18,9 @@ from autodrive.graphics.cameras.render_worker import CameraImages, RenderResult
 from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Teleport
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.cameras import camera_rig
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
+from autodrive.world.views.cameras import camera_rig
 from tests.graphics.cameras.conftest import Clock, messages, stopped
 from tests.support.frames import bytes_of
 from tests.support.waiting import LIMIT, is_alive, wait_until

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.physics.sensors.camera_imperfections import PRESETS
+from autodrive.physics.sensors.camera.imperfections import PRESETS
 from autodrive.protocol.messages import CameraImage, Command
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World

@@ -15,7 +15,7 @@ from autodrive.graphics.cameras.render_worker import CameraImages, Jpeg
 from autodrive.graphics.cameras.viewpoints import birds_eye
 from autodrive.graphics.render.quality import PROFILES
 from autodrive.world import World
-from autodrive.world.cameras import scene_rig
+from autodrive.world.views.cameras import scene_rig
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
 VIEW = Jpeg(birds_eye((0.0, 0.0, 0.0), 2.0).view(160, 90))
@@ -49,7 +49,7 @@ def test_if_the_simulator_is_killed_the_process_ends_too() -> None:
     program = (
         "import time, autodrive\n"
         "from autodrive.graphics.cameras.render_process import RenderProcess\n"
-        "from autodrive.world.cameras import scene_rig\n"
+        "from autodrive.world.views.cameras import scene_rig\n"
         "process = RenderProcess(scene_rig(autodrive.make('plane')), 'cameras')\n"
         "process.start()\nprocess.wait()\n"
         "print(process.pid, flush=True)\ntime.sleep(1000)"

@@ -24,8 +24,8 @@ from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
-from autodrive.world.cameras import camera_rig, scene_rig
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.cameras import camera_rig, scene_rig
 from tests.graphics.cameras.conftest import Clock, messages, stopped
 from tests.support.waiting import LIMIT, is_alive, wait_until
 

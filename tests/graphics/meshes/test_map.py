@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.base import yaml_files
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes import ground_tiles
 from autodrive.graphics.meshes.map import box_asset, map_asset, map_parts
 from autodrive.protocol.labels import Label
+from autodrive.scenario import kinds
 from autodrive.scenario.files import read_map
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.ground import MARKING_LABELS, MOST_TILES, SIMPLIFY_TOLERANCE, TILE, floor_extent, tile_size
@@ -23,8 +23,8 @@ from autodrive.scenario.maps.spec import MapSpec, Placement
 
 pytestmark = pytest.mark.slow
 
-MAPS = [("map", name) for name in yaml_files.names("map")] + [("turned", seed) for seed in range(3)]
-ALL = MAPS + [("module", name) for name in yaml_files.names("module")]
+MAPS = [("map", name) for name in kinds.names("map")] + [("turned", seed) for seed in range(3)]
+ALL = MAPS + [("module", name) for name in kinds.names("module")]
 
 
 KINDS = ("four_way_intersection", "straight_road", "road_patch", "parking_lot", "curved_road", "lawn")
@@ -88,7 +88,7 @@ def test_every_point_of_the_floor_has_one_surface(kind, name):
 
 
 def test_paint_that_goes_on_beside_the_road_ends_with_it(tmp_path):
-    text = yaml_files.find("module", "road_patch").read_text()
+    text = kinds.find("module", "road_patch").read_text()
     changed = text.replace("[-0.1, -0.284]", "[99.9, -0.284]")
     assert changed != text
     (tmp_path / "patch.yaml").write_text(changed)

@@ -20,13 +20,13 @@ import yaml
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from autodrive.base.yaml_files import names
 from autodrive.cli.app import app
 from autodrive.graphics.assets.asset import Asset
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes.store import description
 from autodrive.graphics.meshes.urdf import srgb, vehicle_urdf
 from autodrive.graphics.meshes.vehicle import vehicle_asset
+from autodrive.scenario.kinds import names
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 
 pytestmark = pytest.mark.slow

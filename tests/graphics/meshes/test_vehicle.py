@@ -13,7 +13,7 @@ from autodrive.base.transforms import compose, rotate
 from autodrive.graphics.assets.asset import Asset, AssetNode, Detail
 from autodrive.graphics.meshes.vehicle import vehicle_asset
 from autodrive.physics.actuators.lights import LAMPS
-from autodrive.physics.sensors.camera import OPTICAL
+from autodrive.physics.sensors.camera.camera import OPTICAL
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 

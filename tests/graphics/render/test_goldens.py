@@ -20,8 +20,8 @@ from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.physics.actuators.lights import lamp_levels, lit_lamps
-from autodrive.physics.sensors.camera import world_from_camera
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.camera import world_from_camera
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.messages import Headlights, Indicators
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.compile import CompiledScenario

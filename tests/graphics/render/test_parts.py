@@ -12,7 +12,7 @@ from autodrive.graphics.meshes.store import vehicle
 from autodrive.graphics.render.parts import Parts
 from autodrive.graphics.render.renderer import clip_from_optical
 from autodrive.graphics.render.scene import Geometry, Skeleton, geometry, rigid
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.scenes import pinhole
 

@@ -21,7 +21,7 @@ from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene, rigid
 from autodrive.graphics.render.shadows import Shadows
 from autodrive.physics.actuators.lights import LAMPS
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics
 from tests.support.scenes import (

@@ -13,7 +13,7 @@ from autodrive.graphics.cameras.viewpoints import orbit
 from autodrive.graphics.render.look import NIGHT, air_of, look_at, sun_at
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.messages import Weather
 from tests.support.scenes import CAR, ground, lights, needs_gl, node, pinhole, render_state, view
 

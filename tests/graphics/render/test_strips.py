@@ -16,8 +16,8 @@ from autodrive.graphics.render.look import air_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
-from autodrive.physics.sensors.camera import world_from_camera
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.camera import world_from_camera
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics, Weather
 from autodrive.scenario.vehicles.spec import load_vehicle

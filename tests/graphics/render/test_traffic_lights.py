@@ -15,7 +15,7 @@ from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.look import DAY, NIGHT
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.messages import TrafficLightState
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import load_map

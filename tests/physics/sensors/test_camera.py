@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from autodrive.base.transforms import quaternion_from_euler, rotate
 from autodrive.graphics.render.render_state import VEHICLE
-from autodrive.physics.sensors.camera import Camera, CameraSpec, project, world_from_camera
-from autodrive.physics.sensors.camera_view import RenderedImage
+from autodrive.physics.sensors.camera import project
+from autodrive.physics.sensors.camera.camera import Camera, CameraSpec, world_from_camera
+from autodrive.physics.sensors.camera.view import RenderedImage
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.scenario.vehicles.spec import load_vehicle
 

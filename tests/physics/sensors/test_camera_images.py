@@ -13,8 +13,9 @@ import shapely
 from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.physics.sensors.camera import Camera, CameraSpec, project, rays, world_from_camera
-from autodrive.physics.sensors.camera_imperfections import PRESETS, CameraImperfections
+from autodrive.physics.sensors.camera import project, rays
+from autodrive.physics.sensors.camera.camera import Camera, CameraSpec, world_from_camera
+from autodrive.physics.sensors.camera.imperfections import PRESETS, CameraImperfections
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics
 from tests.support.scenes import BLACK, WHITE, ground, needs_gl, node, render_state, scene

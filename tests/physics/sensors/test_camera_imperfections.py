@@ -11,9 +11,10 @@ import pytest
 
 from autodrive.base.transforms import inverse, rotate
 from autodrive.graphics.render.render_state import VEHICLE
-from autodrive.physics.sensors.camera import Camera, CameraSpec, project, rays
-from autodrive.physics.sensors.camera_imperfections import PRESETS
-from autodrive.physics.sensors.camera_view import RenderedImage, View
+from autodrive.physics.sensors.camera import project, rays
+from autodrive.physics.sensors.camera.camera import Camera, CameraSpec
+from autodrive.physics.sensors.camera.imperfections import PRESETS
+from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.protocol.messages import CameraImage
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.physics.sensors.camera_optics import (
+from autodrive.physics.sensors.camera.optics import (
     Distortion,
     covers_whole_image,
     distorted,

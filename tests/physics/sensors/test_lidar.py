@@ -28,8 +28,8 @@ from autodrive.base.transforms import (
     rotation_from_quaternion,
 )
 from autodrive.base.yaml_files import parse
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.outline import approximate_bearing
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.outline import approximate_bearing
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.protocol.messages import LidarScan
 from tests.support.one_sensor import OneSensor

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from autodrive.physics.sensors.lidar_weather import FIRST, WIDTH, figures, pass_weather
+from autodrive.physics.sensors.lidar.weather import FIRST, WIDTH, figures, pass_weather
 from autodrive.physics.sensors.random_stream import new_stream
 from autodrive.physics.weather import TARGETS, backscatter, extinction
 from autodrive.protocol.messages import Weather

@@ -14,8 +14,8 @@ from autodrive.base.yaml_files import parse
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuNoise, ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8, LidarNoise
 from autodrive.physics.sensors.noise import NoiseSpec, corrupt
 from autodrive.physics.sensors.random_stream import new_stream
 from autodrive.physics.sensors.settings import configured_sensors

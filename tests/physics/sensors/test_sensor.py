@@ -16,8 +16,8 @@ from autodrive.base.transforms import rotate
 from autodrive.physics.sensors.catalog import SensorSuiteSpec
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuNoise, ImuSpec
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.physics.sensors.settings import configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from autodrive.connect.server.served import PageOptions
 from autodrive.recording.replay import Replay, ReplayOptions
 from tests.recording.conftest import Drive
 from tests.support.native_clients import NativeClient, native_client
@@ -14,7 +15,7 @@ from tests.support.native_clients import NativeClient, native_client
 
 @pytest.fixture
 def replay(drive: Drive) -> Iterator[Replay]:
-    with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
+    with Replay(drive.path, ReplayOptions(is_paused=True, page=PageOptions(port=0))) as running:
         yield running
 
 

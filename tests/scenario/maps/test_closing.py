@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from autodrive.base import yaml_files
+from autodrive.scenario import kinds
 from autodrive.scenario.files import read_map, read_module
 from autodrive.scenario.maps.closing import Chain, closing_chain
 from autodrive.scenario.maps.map import Map, compile_map
@@ -17,7 +17,7 @@ from autodrive.scenario.maps.solids import BlockSpec
 from autodrive.scenario.maps.spec import MapSpec, Placement
 from tests.support.hardening import cases
 
-MODULES: dict[str, ModuleSpec] = {name: read_module(name).spec for name in yaml_files.names("module")}
+MODULES: dict[str, ModuleSpec] = {name: read_module(name).spec for name in kinds.names("module")}
 STRAIGHT = Placement(module="straight_road", x=0.0, y=0.0)
 
 

@@ -8,7 +8,7 @@ import pytest
 import resvg_py
 import shapely
 
-from autodrive.base import yaml_files
+from autodrive.scenario import kinds
 from autodrive.scenario.maps.draw import OVERLAYS, module_alone, to_png, to_svg
 from autodrive.scenario.maps.icons import icon
 from autodrive.scenario.maps.map import load_map
@@ -63,7 +63,7 @@ def test_overlays_show_each_lane_port_bay_and_start():
     assert 'class="lane"' not in to_svg(map_)
 
 
-@pytest.mark.parametrize("name", yaml_files.names("module"))
+@pytest.mark.parametrize("name", kinds.names("module"))
 def test_every_module_can_be_drawn_alone(name, tmp_path):
     path = tmp_path / "module.png"
     to_png(module_alone(name), path)

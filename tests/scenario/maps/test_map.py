@@ -5,9 +5,8 @@ import math
 import pytest
 import shapely
 
-from autodrive.base import yaml_files
 from autodrive.physics.model import BOX
-from autodrive.scenario import load_scenario
+from autodrive.scenario import kinds, load_scenario
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.shapes import CHORD_ERROR
 
@@ -20,7 +19,7 @@ def flat(map_):
     return [one for one in map_.modules if one.module.spec.type not in {"terrain", "obstruction"}]
 
 
-@pytest.mark.parametrize("name", yaml_files.names("map"))
+@pytest.mark.parametrize("name", kinds.names("map"))
 def test_every_map_that_comes_with_the_simulator_is_sound(name):
     assert load_map(name).name == name
 
@@ -42,7 +41,7 @@ def test_vehicle_starts_in_the_middle_of_a_lane_and_along_it(name):
 
 def test_mini_map_contains_every_module_of_the_kit():
     map_ = load_map("mini_map")
-    kit = {name for name in yaml_files.names("module") if not name.startswith("wide_")}
+    kit = {name for name in kinds.names("module") if not name.startswith("wide_")}
     assert {one.module.name for one in map_.modules} == kit
     assert len(map_.boxes) == 8
 

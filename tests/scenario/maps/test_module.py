@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.yaml_files import parse
+from autodrive.scenario import kinds
 from autodrive.scenario.maps.map import load_module
 from autodrive.scenario.maps.module import DRIVING_SIDE, ModuleSpec
 from autodrive.scenario.maps.shapes import CHORD_ERROR
@@ -47,7 +47,7 @@ MINIMUM_TURNING_RADIUS = 0.24515
 
 
 def test_the_modules_are_the_nine_of_the_report_the_filler_and_wide_roads():
-    kit = {load_module(name).spec.title: load_module(name).spec.type for name in yaml_files.names("module")}
+    kit = {load_module(name).spec.title: load_module(name).spec.type for name in kinds.names("module")}
     wide = {"Wide Straight Road": "road", "Wide Curved Road": "road", "Wide 4-Way Intersection": "intersection"}
     assert kit == {**TABLE_11, **wide, "Road Patch": "road"}
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from autodrive.base.yaml_files import names
+from autodrive.scenario.kinds import names
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.shape import curvature

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from autodrive.base.errors import SpecError
-from autodrive.base.yaml_files import names
+from autodrive.scenario.kinds import names
 from autodrive.scenario.tracks.checks import track_errors, track_warnings
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.race_line import CarLimits, race_line, speeds

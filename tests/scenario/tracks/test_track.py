@@ -11,8 +11,8 @@ import shapely
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.yaml_files import names
 from autodrive.scenario import VehiclePlacement
+from autodrive.scenario.kinds import names
 from autodrive.scenario.maps.map import load_map, track_map
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import DUCT, Track

@@ -7,8 +7,8 @@ import pytest
 
 import autodrive
 from autodrive import SpecError
-from autodrive.base.yaml_files import names
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import names
 from autodrive.scenario.vehicles import stability
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep

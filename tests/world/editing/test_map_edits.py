@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import autodrive
 from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.base.errors import AutodriveError
-from autodrive.base.yaml_files import find, parse
+from autodrive.base.yaml_files import parse
 from autodrive.cli.spec_files import check
 from autodrive.protocol.messages import (
     AddBox,
@@ -39,6 +39,7 @@ from autodrive.protocol.messages import (
     UseMap,
 )
 from autodrive.protocol.native import MapScene
+from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, MapSpec
 from autodrive.world import World

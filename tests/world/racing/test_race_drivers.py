@@ -15,12 +15,12 @@ import pytest
 import yaml
 
 import autodrive
-from autodrive.base.yaml_files import names
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import drive_laps
 from autodrive.protocol.messages import Command, RaceStatus, VehicleFrame
 from autodrive.run.race import TICK, RaceOptions, race
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.kinds import names
 from autodrive.world.racing import Race
 from autodrive.world.racing.results import RaceRecorder
 from tests.support.waiting import free_port, is_listening, wait_until

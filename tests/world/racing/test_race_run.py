@@ -21,11 +21,12 @@ import yaml
 
 from autodrive import Client, Command, recording
 from autodrive.base.errors import AutodriveError, CommandError, SpecError
-from autodrive.base.yaml_files import find
 from autodrive.connect.devkit import RoboRacer, Server
+from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import Frame
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import Run, RunObserver, StopRequest
+from autodrive.scenario.kinds import find
 
 GAP: Callable[..., tuple[float, float]] = runpy.run_path(
     str(Path(__file__).parents[3] / "examples" / "racing" / "follow_the_gap.py")
@@ -278,7 +279,12 @@ def test_a_viewer_cannot_change_a_race_and_the_race_goes_on(tmp_path: Path, is_l
     rules = ruleset(tmp_path, time_limit=6.0, silence_limit=10.0 if is_lockstep else 4.0)
     with Server(Script().respond, port=0) as server:
         options = RaceOptions(
-            "practice", (("127.0.0.1", server.port),), rules=rules, is_lockstep=is_lockstep, has_page=True, port=0
+            "practice",
+            (("127.0.0.1", server.port),),
+            rules=rules,
+            is_lockstep=is_lockstep,
+            has_page=True,
+            page=PageOptions(port=0),
         )
         result = race(options, observer=viewer)
     assert [one.reason for one in result.standings] == ["not finished after 6 s"]

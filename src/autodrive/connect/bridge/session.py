@@ -28,14 +28,15 @@ from autodrive.connect.bridge.engineio import (
 )
 from autodrive.connect.bridge.flow_control import RESEND_DELAY, FlowControl
 from autodrive.connect.bridge.metrics import Metrics
+from autodrive.connect.bridge.wanted import Wanted
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.protocol.messages import Command, Hold, Reset
+from autodrive.protocol.messages import Command
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection
 
-    from autodrive.protocol.messages import Frame, Operation
+    from autodrive.protocol.messages import Frame
     from autodrive.world.simulation.control import Control
 
 log = logging.getLogger(__name__)
@@ -46,10 +47,6 @@ EVENT = "Bridge"
 QUALITY_FACTORS = (1.0, 0.7, 0.45, 0.25, 0.12)
 """Factors of the image quality, tried in turn while a message is too long. At quality 75 the relative size of an
 image of a road by day becomes 1, 0.66, 0.5, 0.36 and 0.27 (measured)."""
-
-RESET_INTERVAL = 0.5
-"""Least simulated time between two resets [s], equal to the default time-out of commands. Without it, a script that
-sets and clears the key repeatedly would keep simulated time at 0."""
 
 CLOSE_TIMEOUT = 0.2
 """Time to send the close packets [s]."""
@@ -104,18 +101,7 @@ class Session:
         self._quality = 0
         """Index in `QUALITY_FACTORS` of the latest images."""
         self._commands: dict[str, Command] = {}
-        self._held_resets: dict[str, bool] = {}
-        self._holds: dict[str, Hold] = {}
-        self._requested_holds: dict[str, Hold] = {}
-        self._environment: dict[str, float] = {}
-        self._requested_environment: dict[str, float] = {}
-        self._lights: dict[int, int] = {}
-        self._requested_lights: dict[int, int] = {}
-        self._latest_tick = 0
-        self._is_reset_due = False
-        self._has_reset = False
-        self._requested_at: Frame | None = None
-        """The Frame at which operations were requested last: they are requested once a tick at most."""
+        self._wanted = Wanted()
         self._dialect: Dialect | None = None
         """Dialect of the telemetry that is sent; None before it is sent."""
         self._waits_until: float | None = None
@@ -197,50 +183,21 @@ class Session:
         previous = {name: self._commands.get(name, Command()) for name in vehicles}
         message = devkit.read_commands(data, self._detection.profile or PROFILES["2025"], previous)
         self._traffic_lights.update(message.traffic_lights)
-        self._lights |= message.traffic_lights
+        autonomous = {name for name, vehicle in vehicles.items() if vehicle.is_autonomous}
         for vehicle, command in message.commands.items():
-            if vehicles[vehicle].is_autonomous:
+            if vehicle in autonomous:
                 self._commands[vehicle] = command
                 self._simulation.submit(vehicle, command)
-        resets = [name for name, is_held in message.resets.items() if is_held and not self._held_resets.get(name)]
-        self._held_resets |= message.resets
-        self._is_reset_due = self._is_reset_due or any(vehicles[name].is_autonomous for name in resets)
-        for hold in message.holds:
-            is_autonomous = vehicles[hold.vehicle].is_autonomous
-            self._holds[hold.vehicle] = hold if is_autonomous else Hold(hold.vehicle, None)
-        self._environment |= message.environment
-        self._request_operations(self._simulation.frame)
-        self._metrics.note_ignored(message.ignored)
-        for error in message.refused:
-            self._metrics.counters.refused_values += 1
-            self._metrics.warn("value", f"refused {error}")
-
-    def _request_operations(self, frame: Frame) -> None:
-        """Request, at most once in a tick, what the script has set since the last time."""
-        if frame is self._requested_at:
-            return
-        operations: list[Operation] = []
-        if self._is_reset_due and (not self._has_reset or frame.time >= RESET_INTERVAL):
-            self._is_reset_due, self._has_reset = False, True
-            operations.append(Reset())
-        for vehicle, hold in self._holds.items():
-            if self._requested_holds.get(vehicle, Hold(vehicle, None)) != hold:
-                self._requested_holds[vehicle] = hold
-                operations.append(hold)
-        operations += devkit.environment_operations(self._requested_environment, self._environment)
-        self._requested_environment = dict(self._environment)
-        if frame.tick < self._latest_tick:  # a reset has set the lights back
-            self._requested_lights = {}
-        self._latest_tick = frame.tick
-        operations += devkit.light_operations(self._requested_lights, self._lights, list(frame.traffic_lights))
-        self._requested_lights = dict(self._lights)
-        for operation in operations:
+        self._wanted.add(message, autonomous)
+        for operation in self._wanted.operations(self._simulation.frame):
             try:
                 self._simulation.request(operation)
             except AutodriveError as error:
                 self._metrics.warn("operation", f"refused: {error}")
-        if operations:
-            self._requested_at = frame
+        self._metrics.note_ignored(message.ignored)
+        for error in message.refused:
+            self._metrics.counters.refused_values += 1
+            self._metrics.warn("value", f"refused {error}")
 
     def _note_detection(self) -> None:
         counters, detection = self._metrics.counters, self._detection

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from autodrive.connect.server.served import Served
     from autodrive.protocol.messages import Frame
     from autodrive.world import World
-    from autodrive.world.scene_files import SceneFiles
+    from autodrive.world.views.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 

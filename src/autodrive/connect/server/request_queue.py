@@ -6,62 +6,52 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import count
+from typing import Any, Literal, NamedTuple
 
 from autodrive.base.token_bucket import TokenBucket
-from autodrive.protocol.messages import (
-    AddBox,
-    CloseLoop,
-    EditMap,
-    EditTrack,
-    GenerateTrack,
-    LoadScenario,
-    Place,
-    Redo,
-    RemoveBox,
-    Reset,
-    Seek,
-    SetSceneLight,
-    SetSensor,
-    SetSpeed,
-    SetTimeOfDay,
-    SetWeather,
-    Undo,
-    UseMap,
-)
-from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera, ViewSensor
-from autodrive.protocol.own_files import ImportTrack, OpenFile
 
 MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 """Requests of one client that wait, and bytes of their messages; more are refused."""
 
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
-MAP_EDITS, EDIT_BURST = (EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack), 8.0
-"""Requests that edit the map, and what they may use at once [s], those of one client and those of all: a person makes
-many edits in a row, so that they have a share of their own. Other requests of a client wait for their share each."""
-BUILDS = (*MAP_EDITS, AddBox, RemoveBox, Place, SetSensor, LoadScenario, ImportTrack, OpenFile, Undo, Redo)
-"""Requests that may make another World, for which the short ones do not wait. They have a share of their own, too."""
+EDIT_BURST = 8.0
+"""What edits of the map may use at once [s], those of one client and those of all: a person makes many in a row."""
 
-REPLACED = (
-    Reset,
-    LoadScenario,
-    Seek,
-    SetSpeed,
-    SetSceneLight,
-    SetTimeOfDay,
-    SetWeather,
-    SetCamera,
-    ViewSensor,
-    ConnectBridge,
-)
-"""Requests of which several in a row are executed only once, as the last one asks; the answer is that of all."""
+
+class RequestKind(NamedTuple):
+    """How requests of a kind are executed."""
+
+    share: Literal["short", "build", "map edit"] = "short"
+    """The share of the time that they use. All but the short ones may make another World: short ones of the simulation
+    do not wait for them."""
+    is_of_server: bool = False
+    """Executed by the server; all others by the simulation, which executes one at a time."""
+    is_beside: bool = False
+    """Executed at once, beside the queue: it takes a second, for which the next request of the client must not wait."""
+    is_limited: bool = True
+    """False: they may use all of the time."""
+    is_replaced: bool = False
+    """Several in a row are executed only once, as the last one asks; the answer is that of all."""
+    is_common: bool = False
+    """Several clients ask: the request is executed only once, as the newest one asks."""
+    least_work: float = 0.0
+    """A request counts as if it took this time or more [s]: it causes work elsewhere."""
+    change: str = ""
+    """The change that all clients see, and of which the others are told; empty: there is none."""
+
+    @property
+    def is_build(self) -> bool:
+        """Whether it may make another World."""
+        return self.share != "short"
 
 
 @dataclass
 class QueuedOperation:
     """An operation, and the ids of the requests that it answers."""
 
-    operation: ServerOperation
+    operation: Any
+    kind: RequestKind
     ids: list[int]
     size: int = 0
     """Size of the message [bytes]."""
@@ -72,34 +62,23 @@ class QueuedOperation:
     work: float = 0.0
     """Time that its preparation and the simulation needed [s]."""
 
-    @property
-    def is_build(self) -> bool:
-        """Whether it may make another World."""
-        return isinstance(self.operation, BUILDS)
-
 
 class Limits:
-    """Limits of the time that edits of a map, other builds and short requests use.
-
-    Builds and short requests may use `burst` at once [s].
-    """
+    """Limits of the time that each share may use. Short requests and builds may use `burst` at once [s]."""
 
     def __init__(self, burst: float) -> None:
         now = time.perf_counter()
-        self._edits = TokenBucket(SHARE, EDIT_BURST, now)
-        self._builds = TokenBucket(SHARE, burst, now)
-        self._others = TokenBucket(SHARE, burst, now)
+        bursts = {"short": burst, "build": burst, "map edit": EDIT_BURST}
+        self._buckets = {share: TokenBucket(SHARE, most, now) for share, most in bursts.items()}
 
-    def of(self, operation: ServerOperation) -> TokenBucket:
-        """The limit of an operation."""
-        if isinstance(operation, MAP_EDITS):
-            return self._edits
-        return self._builds if isinstance(operation, BUILDS) else self._others
+    def free_at(self, kind: RequestKind) -> float:
+        """Time from which a request of that kind may be executed [s]."""
+        return self._buckets[kind.share].free_at
 
-    def pay(self, operation: ServerOperation, work: float, now: float) -> None:
-        """An operation took that time [s] and has just ended: the next ones wait for their share."""
-        self.of(operation).tokens(now)
-        self.of(operation).take(work)
+    def pay(self, kind: RequestKind, work: float, now: float) -> None:
+        """A request took that time [s] and has just ended: the next ones wait for their share."""
+        self._buckets[kind.share].tokens(now)
+        self._buckets[kind.share].take(work)
 
 
 @dataclass
@@ -111,16 +90,16 @@ class RequestQueue:
     """Whether a request is being executed."""
     _entries: deque[QueuedOperation] = field(default_factory=deque)
 
-    def add(self, request: Request, size: int = 0) -> bool:
-        """Add a request, whose message has that size [bytes]. Returns False if too many are waiting."""
+    def add(self, entry: QueuedOperation) -> bool:
+        """Add a request. Returns False if too many are waiting."""
         waiting = sum(entry.size for entry in self._entries)
-        if sum(len(entry.ids) for entry in self._entries) >= MAX_PENDING or waiting + size > MAX_PENDING_BYTES:
+        if sum(len(entry.ids) for entry in self._entries) >= MAX_PENDING or waiting + entry.size > MAX_PENDING_BYTES:
             return False
         last = self._entries[-1] if self._entries else None
-        if last and isinstance(request.operation, REPLACED) and type(last.operation) is type(request.operation):
-            self._entries[-1] = QueuedOperation(request.operation, [*last.ids, request.id], size)
-        else:
-            self._entries.append(QueuedOperation(request.operation, [request.id], size))
+        if last and entry.kind.is_replaced and type(last.operation) is type(entry.operation):
+            entry.ids = [*last.ids, *entry.ids]
+            self._entries.pop()
+        self._entries.append(entry)
         return True
 
     @property
@@ -139,7 +118,3 @@ class RequestQueue:
         entry = self._entries.popleft()
         entry.started = now
         return entry
-
-    def clear(self) -> None:
-        """Drop all requests that wait."""
-        self._entries.clear()

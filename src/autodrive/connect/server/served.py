@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.protocol.own_files import OpenFile, OwnFile
     from autodrive.world import World
-    from autodrive.world.scene_files import SceneFiles
     from autodrive.world.simulation.paced import Paced
+    from autodrive.world.views.scene_files import SceneFiles
 
 
 NO_FOLDER = "this simulator has no folder for files of the user; start it with: autodrive run --folder FOLDER"
@@ -90,7 +90,7 @@ def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneView
 
     def start(world: World) -> SceneViews:
         from autodrive.graphics.cameras.scene_views import SceneViews  # noqa: PLC0415
-        from autodrive.world.cameras import camera_rig, scene_rig  # noqa: PLC0415
+        from autodrive.world.views.cameras import camera_rig, scene_rig  # noqa: PLC0415
 
         return SceneViews(scene_rig(world, quality), slots=camera_rig(world.compiled).slots)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import logging
 import os
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.child_process import cpu_count
@@ -21,7 +23,7 @@ from autodrive.experiments.campaigns.runner import RunResult
 from autodrive.experiments.campaigns.table import Table, locked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Generator, Iterator
 
 log = logging.getLogger(__name__)
 
@@ -106,84 +108,14 @@ def run_campaign(
             raise AutodriveError(
                 f"the folder has the results of another campaign: choose another one, or overwrite them  ({others[0]})"
             )
-        table = Table(folder, campaign)
-        cache = (cache or RowCache()) if uses_cache else None
-        observer, progress = observer or CampaignObserver(), CampaignProgress(len(campaign))
-        batch: list[tuple[str, RunResult]] = []
-        earlier = table.start()
         files = executor.files if executor else CampaignFiles.of(campaign)
+        cache = (cache or RowCache()) if uses_cache else None
+        progress, observer = CampaignProgress(len(campaign)), observer or CampaignObserver()
+        running = _RunningCampaign(campaign, folder, RunKeys(files), progress, observer, cache)
         write_file(folder / OWNER, _owner(campaign, folder))
         if (places := files.opaque) and uses_cache:
             log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)
-        keys, key_of = RunKeys(files), dict[int, tuple[CampaignRun, str]]()
-        numbers = iter(range(len(campaign)))
-
-        def add(run: CampaignRun, key: str, result: RunResult, *, is_new: bool) -> None:
-            row = table.add(run, key, result)
-            progress.count(row["status"])
-            progress.reused += not is_new
-            if is_new:
-                batch.append((key, result))
-            if table.is_due:
-                flush()
-            observer.progress(progress)
-
-        def flush() -> None:
-            table.write_part()
-            if cache is not None:
-                cache.add(batch)
-            batch.clear()
-
-        def reused(run: CampaignRun, key: str) -> RunResult | None:
-            row = earlier.get(run.number)
-            if row is not None and row["key"] == key and not row["error"]:
-                result = _result(row, campaign)
-            else:
-                result = None if cache is None else cache.get(key, run.number)
-            file = folder / "recordings" / recording_name(run.number)
-            if result is None or not campaign.keeps_recording(result.metrics):
-                return result
-            return replace(result, recording=file.name) if file.is_file() else None
-
-        def new_runs() -> Iterator[CampaignRun]:
-            """The runs that must run; those that are known are added."""
-            for number in numbers:
-                if is_stopped and earlier.get(number) is None:
-                    continue
-                run = campaign.run(number)
-                if campaign.spec.record != "none":
-                    file = folder / "recordings" / recording_name(number)
-                    run = CampaignRun(run.number, run.sample, run.seed, run.values, str(file.absolute()))
-                key = keys.of(run)
-                if (result := reused(run, key)) is not None:
-                    add(run, key, result, is_new=False)
-                else:
-                    key_of[number] = run, key
-                    yield run
-
-        is_complete, is_stopped, runs = False, False, new_runs()
-        try:
-            first = next(runs, None)
-            if first is not None:
-                executor = executor or local_executor(campaign, workers, files)
-                executor.submit(first)
-                _feed(executor, runs, AHEAD * executor.size - 1)
-                for result in executor.results():
-                    _feed(executor, runs, 1)
-                    add(*key_of.pop(result.number), result, is_new=True)
-            is_complete = True
-        except KeyboardInterrupt:
-            pass
-        finally:
-            if executor is not None:
-                executor.cancel()
-            is_stopped = True
-            for _ in new_runs():  # rows of an earlier campaign that it had not come to stay in the table
-                pass
-            flush()
-            if cache is not None:
-                cache.close()
-        return _finish(campaign, folder, table, is_complete)
+        return running.outcome(running.results(executor, lambda: local_executor(campaign, workers, files)))
 
 
 def run_search(
@@ -200,17 +132,120 @@ def run_search(
     make_folder(folder)
     with locked(folder):
         write_file(folder / OWNER, "search")
-        table, keys = Table(folder, campaign), RunKeys(executor.files)
-        table.start()
-        observer, progress, is_complete = observer or CampaignObserver(), CampaignProgress(trials), False
+        progress, observer = CampaignProgress(trials), observer or CampaignObserver()
+        running = _RunningCampaign(campaign, folder, RunKeys(executor.files), progress, observer)
+        trials_run = falsify(campaign, executor, trials=trials)
+        return running.outcome((trial.run, running.keys.of(trial.run), trial.result) for trial in trials_run)
+
+
+Done: TypeAlias = tuple[CampaignRun, str, RunResult]
+"""A run that has ended, its key and its result."""
+
+
+@dataclass
+class _RunningCampaign:
+    """A campaign or search that runs: its table in a folder, and how far it is."""
+
+    campaign: Campaign
+    folder: Path
+    keys: RunKeys
+    progress: CampaignProgress
+    observer: CampaignObserver
+    cache: RowCache | None = None
+    """Results of other campaigns; None: they are not used."""
+
+    def __post_init__(self) -> None:
+        self._table = Table(self.folder, self.campaign)
+        self._earlier = self._table.start()
+        self._uncached: list[tuple[str, RunResult]] = []
+        self._numbers = iter(range(len(self.campaign)))
+        self._is_stopped = False
+
+    def results(self, executor: Executor | None, start: Callable[[], Executor]) -> Generator[Done]:
+        """Run what is not known, and add the rows of what is known; `start` makes the executor if there is none."""
+        new_runs, submitted = self._new_runs(), dict[int, tuple[CampaignRun, str]]()
+
+        def submit(executor: Executor, count: int) -> None:
+            for run, key in itertools.islice(new_runs, count):
+                submitted[run.number] = run, key
+                executor.submit(run)
+
         try:
-            for trial in falsify(campaign, executor, trials=trials):
-                progress.count(table.add(trial.run, keys.of(trial.run), trial.result)["status"])
-                observer.progress(progress)
+            if (first := next(new_runs, None)) is not None:
+                executor, new_runs = executor or start(), itertools.chain([first], new_runs)
+                submit(executor, AHEAD * executor.size)
+                for result in executor.results():
+                    submit(executor, 1)
+                    yield *submitted.pop(result.number), result
+        finally:
+            if executor is not None:
+                executor.cancel()
+            self._is_stopped = True
+            for _ in self._new_runs():  # rows of an earlier campaign that it had not come to stay in the table
+                pass
+
+    def outcome(self, results: Generator[Done]) -> Outcome:
+        """Add all rows, or those until Ctrl-C, and write table, summary and report."""
+        is_complete = False
+        try:
+            with closing(results):
+                for run, key, result in results:
+                    self._uncached.append((key, result))
+                    self._add(run, key, result)
             is_complete = True
         except KeyboardInterrupt:
             pass
-        return _finish(campaign, folder, table, is_complete)
+        finally:
+            self._flush()
+            if self.cache is not None:
+                self.cache.close()
+        from autodrive.experiments.campaigns.report import report  # noqa: PLC0415  after the runs
+        from autodrive.experiments.campaigns.statistics import summary  # noqa: PLC0415  it needs scipy
+
+        rows = self._table.finish()
+        numbers = summary(self.campaign, rows)
+        write_file(self.folder / "summary.json", json.dumps(with_encodable_texts(numbers), indent=2) + "\n")
+        write_file(self.folder / "report.html", report(self.campaign, rows, numbers))
+        return Outcome(self.folder, numbers, is_complete)
+
+    def _add(self, run: CampaignRun, key: str, result: RunResult) -> None:
+        self.progress.count(self._table.add(run, key, result)["status"])
+        if self._table.is_due:
+            self._flush()
+        self.observer.progress(self.progress)
+
+    def _flush(self) -> None:
+        self._table.write_part()
+        if self.cache is not None:
+            self.cache.add(self._uncached)
+        self._uncached.clear()
+
+    def _new_runs(self) -> Iterator[tuple[CampaignRun, str]]:
+        """The runs that must run, and their keys; the rows of those that are known are added."""
+        for number in self._numbers:
+            if self._is_stopped and self._earlier.get(number) is None:
+                continue
+            run = self.campaign.run(number)
+            if self.campaign.spec.record != "none":
+                run = replace(run, recording=str((self.folder / "recordings" / recording_name(number)).absolute()))
+            key = self.keys.of(run)
+            if (result := self._known(run, key)) is None:
+                yield run, key
+            else:
+                self.progress.reused += 1
+                self._add(run, key, result)
+
+    def _known(self, run: CampaignRun, key: str) -> RunResult | None:
+        """The result of a run in the folder or the cache; None if there is none, or if its recording is missing."""
+        row = self._earlier.get(run.number)
+        if row is not None and row["key"] == key and not row["error"]:
+            result = _result(row, self.campaign)
+        else:
+            result = None if self.cache is None else self.cache.get(key, run.number)
+        if result is None or not self.campaign.keeps_recording(result.metrics):
+            return result
+        file = self.folder / "recordings" / recording_name(run.number)
+        return replace(result, recording=file.name) if file.is_file() else None
 
 
 def local_executor(campaign: Campaign, workers: int | None, files: CampaignFiles | None = None) -> Executor:
@@ -252,23 +287,6 @@ def _owner(campaign: Campaign, folder: Path) -> str:
         return encodable(os.path.relpath(campaign.path or campaign.name, folder))
     except ValueError:  # on another drive
         return encodable(os.path.abspath(campaign.path or campaign.name))
-
-
-def _feed(executor: Executor, runs: Iterator[CampaignRun], count: int) -> None:
-    for _ in range(count):
-        if (run := next(runs, None)) is not None:
-            executor.submit(run)
-
-
-def _finish(campaign: Campaign, folder: Path, table: Table, is_complete: bool) -> Outcome:
-    from autodrive.experiments.campaigns.report import report  # noqa: PLC0415  after the runs
-    from autodrive.experiments.campaigns.statistics import summary  # noqa: PLC0415  it needs scipy
-
-    rows = table.finish()
-    numbers = summary(campaign, rows)
-    write_file(folder / "summary.json", json.dumps(with_encodable_texts(numbers), indent=2) + "\n")
-    write_file(folder / "report.html", report(campaign, rows, numbers))
-    return Outcome(folder, numbers, is_complete)
 
 
 def _result(row: dict[str, Any], campaign: Campaign) -> RunResult:

@@ -37,7 +37,7 @@ from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
 
 if TYPE_CHECKING:
-    from autodrive.world.batch_camera import BatchCamera
+    from autodrive.world.views.batch_camera import BatchCamera
 
 
 class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):

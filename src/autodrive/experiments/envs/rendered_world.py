@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
     from autodrive.graphics.render.renderer import Renderer
     from autodrive.scenario import ScenarioSpec
-    from autodrive.world.batch_camera import BatchCamera
     from autodrive.world.compile import CompiledScenario
     from autodrive.world.readings import Readings
     from autodrive.world.simulation import Simulation
+    from autodrive.world.views.batch_camera import BatchCamera
     from autodrive.world.world import World
 
 WIDTH, HEIGHT = 640, 360
@@ -44,7 +44,7 @@ QUALITY = "small"
 
 def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
     """The cameras of the observation 'camera', of the first car of many worlds."""
-    from autodrive.world.batch_camera import BatchCamera  # noqa: PLC0415
+    from autodrive.world.views.batch_camera import BatchCamera  # noqa: PLC0415
 
     vehicle = next(iter(scenario.vehicles))
     return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
@@ -170,7 +170,7 @@ class RenderedWorld:
     def _cameras(self, compiled: CompiledScenario) -> CameraBackend:
         """The front cameras, with small images: one for each step."""
         from autodrive.graphics.cameras.tick_cameras import TickCameras  # noqa: PLC0415
-        from autodrive.world.cameras import camera_rig  # noqa: PLC0415
+        from autodrive.world.views.cameras import camera_rig  # noqa: PLC0415
 
         rate = (1.0 + 1e-9) / self.step_duration  # a little more: rounded down, it would be a tick too late
         changed = {"width": IMAGE_WIDTH, "height": IMAGE_HEIGHT, "rate": rate}
@@ -182,7 +182,7 @@ class RenderedWorld:
     def _started_renderer(self) -> Renderer:
         if self._renderer is None:
             from autodrive.graphics.render.renderer import Renderer  # noqa: PLC0415
-            from autodrive.world.cameras import scene_rig  # noqa: PLC0415
+            from autodrive.world.views.cameras import scene_rig  # noqa: PLC0415
 
             self._renderer = self._open.enter_context(Renderer(scene_rig(self.world).scene))
         return self._renderer
@@ -191,8 +191,8 @@ class RenderedWorld:
         from autodrive.connect.server.files import built_page  # noqa: PLC0415
         from autodrive.connect.server.served import PageOptions, Served  # noqa: PLC0415
         from autodrive.connect.server.server import SimulationServer  # noqa: PLC0415
-        from autodrive.world.scene_files import SceneFiles  # noqa: PLC0415
         from autodrive.world.simulation import Simulation  # noqa: PLC0415
+        from autodrive.world.views.scene_files import SceneFiles  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
         served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))

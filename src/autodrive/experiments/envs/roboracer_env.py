@@ -21,7 +21,7 @@ from autodrive.protocol.commands import is_number
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats, Integers
-    from autodrive.world.batch_camera import BatchCamera
+    from autodrive.world.views.batch_camera import BatchCamera
 
 IMAGE_SIZE = 640, 360
 """Width and height of the images of 'rgb_array' [pixels]."""
@@ -139,7 +139,7 @@ class RoboRacerEnv(SingleEnv):
         """The image of the front camera with 'rgb_array', shape (360, 640, 3)."""
         if self.render_mode is None:
             return None
-        from autodrive.world.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted
+        from autodrive.world.views.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted
 
         if self._camera is None:
             self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)

@@ -14,8 +14,9 @@ import yaml
 
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
-from autodrive.base.yaml_files import find, parse, read, source
+from autodrive.base.yaml_files import parse, source
 from autodrive.experiments.identification.drive import IdentificationError
+from autodrive.scenario.kinds import find, read
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 FACTORS = (2.0, 1.8, 1.6, 1.4, 1.2, 1.1, 1.05)

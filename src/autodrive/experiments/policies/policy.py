@@ -36,7 +36,7 @@ from autodrive.base.suggest import suggest
 
 PLAIN, WITH_PACE = 1, 2
 """Formats of a file."""
-DATA = Path(__file__).parents[2] / "scenario" / "data" / "policies"
+DATA = Path(__file__).with_name("data")
 MOST_BYTES = 2**26
 """Largest file that is read; a policy has some 100 kB."""
 
@@ -314,23 +314,6 @@ class PolicyDrivers:
         for memory in (self._memory, self._motion):
             memory.put_out(self.outputs, commands[:, 0])
         return commands
-
-
-class SingleDriver:
-    """A policy that drives one car, and what it remembers of its episode; see `PolicyDrivers`."""
-
-    def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
-        """Make a driver; see `PolicyDrivers` for the arguments."""
-        self._drivers = PolicyDrivers(policy, readings)
-
-    def begin(self) -> None:
-        """Begin an episode."""
-        self._drivers.begin()
-
-    def act(self, readings: NDArray[Any]) -> tuple[float, float]:
-        """Throttle and steering for the readings of one more step, shape (n_reading,)."""
-        throttle, steering = self._drivers.act(readings[None])[0].tolist()
-        return throttle, steering
 
 
 def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:

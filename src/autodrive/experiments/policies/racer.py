@@ -31,8 +31,8 @@ INPUTS = ("wheel_speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bear
 """Features of the time trial that these readings give."""
 
 
-class PolicyRacers:
-    """Drives some race cars with a policy; remembers the last angles of the wheels and what the policy remembers.
+class PolicyRacer:
+    """Drives race cars with a policy; remembers the last angles of the wheels and what the policy remembers.
 
     Raises `AutodriveError` if the policy needs other readings.
     """
@@ -59,29 +59,22 @@ class PolicyRacers:
         speed = [wheel_speed(turned_of_car, PERIOD) for turned_of_car in turned.tolist()]
         return self._drivers.act(np.column_stack([speed, yaw_rate, steering, sectors(ranges)]))
 
-    def act(self, _: NDArray[np.float32], cars: CarReadings) -> Floats:
-        """The commands for the readings of environments, shape (count, 2): throttle and steering."""
-        return self.commands(cars.encoder_angles, cars.angular_velocity[:, 2], cars.steering, cars.lidar_ranges)
-
-
-class PolicyRacer:
-    """Drives one race car with a policy; see `PolicyRacers`."""
-
-    def __init__(self, policy: Policy) -> None:
-        self._racers = PolicyRacers(policy)
-
     def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
-        """Throttle and steering; `angles` of the shape (2,), `ranges` of the shape (1080,), see `PolicyRacers`."""
+        """Throttle and steering of one car; `angles` of the shape (2,), `ranges` of the shape (1080,)."""
         readings = np.asarray(angles)[None], np.array([yaw_rate]), np.array([steering]), np.asarray(ranges)[None]
-        throttle, steer = self._racers.commands(*readings)[0].tolist()
+        throttle, steer = self.commands(*readings)[0].tolist()
         return throttle, steer
 
     def act(self, car: VehicleFrame) -> Command:
-        """The command for a Frame of the car."""
+        """The command for a Frame of one car."""
         if car.lidar is None:
             raise AutodriveError("the policy needs a car with a LIDAR")
         rate = float(car.imu.angular_velocity[2])
         return Command(*self.command(car.encoders.angles, rate, car.steering, car.lidar.ranges))
+
+    def act_all(self, _: NDArray[np.float32], cars: CarReadings) -> Floats:
+        """The commands for the readings of environments, shape (count, 2): throttle and steering."""
+        return self.commands(cars.encoder_angles, cars.angular_velocity[:, 2], cars.steering, cars.lidar_ranges)
 
 
 def sectors(ranges: Floats) -> Floats:

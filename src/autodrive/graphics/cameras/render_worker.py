@@ -28,7 +28,7 @@ from autodrive.graphics.cameras.rig import CameraArray, CameraRig
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.strokes import Strokes
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.view import View
 
 JPEG_QUALITY = 80
 

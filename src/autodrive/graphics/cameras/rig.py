@@ -11,7 +11,7 @@ from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
-from autodrive.physics.sensors.camera import Camera, CameraSpec
+from autodrive.physics.sensors.camera.camera import Camera, CameraSpec
 from autodrive.protocol.messages import CameraImage
 
 if TYPE_CHECKING:

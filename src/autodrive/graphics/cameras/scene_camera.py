@@ -21,8 +21,8 @@ from autodrive.graphics.cameras.viewpoints import (
     orbit,
     scene_cameras,
 )
-from autodrive.physics.sensors.camera import world_from_camera
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.camera import world_from_camera
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.messages import CameraIntrinsics
 
 if TYPE_CHECKING:

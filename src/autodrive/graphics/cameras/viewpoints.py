@@ -12,8 +12,8 @@ from typing import Any
 
 from autodrive.base.transforms import Quaternion, Vector, compose, quaternion_from_euler, rotate
 from autodrive.base.units import DEGREE
-from autodrive.physics.sensors.camera import OPTICAL
-from autodrive.physics.sensors.camera_view import View
+from autodrive.physics.sensors.camera.camera import OPTICAL
+from autodrive.physics.sensors.camera.view import View
 from autodrive.protocol.messages import CameraIntrinsics
 
 FIELD_OF_VIEW_DEG = 60.0

@@ -16,7 +16,7 @@ from autodrive.graphics.assets.asset import Asset, Material
 from autodrive.graphics.meshes.urdf_inertia import Inertia, chassis, knuckle, wheel
 from autodrive.graphics.meshes.urdf_mesh import Triangles, meshes_by_link, stl
 from autodrive.physics.actuators.steering import ackermann_angle
-from autodrive.physics.sensors.camera import OPTICAL
+from autodrive.physics.sensors.camera.camera import OPTICAL
 from autodrive.physics.sensors.sensor import Mount
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec

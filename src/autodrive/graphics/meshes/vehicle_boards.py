@@ -12,7 +12,7 @@ from autodrive.base.units import DEGREE
 from autodrive.graphics.meshes.mesh_builder import MeshBuilder
 from autodrive.graphics.meshes.solids import box, cylinder, lathe, plate, rotated, wire
 from autodrive.graphics.meshes.vehicle_chassis import BATTERY_SIZE, BATTERY_X, edges, span
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 HEAD = -0.0215, 0.0165

@@ -14,7 +14,7 @@ from autodrive.base.units import DEGREE
 from autodrive.graphics.meshes.mesh_builder import MeshBuilder
 from autodrive.graphics.meshes.solids import box, cylinder, lathe, plate, wire
 from autodrive.physics.actuators.steering import ackermann_angle
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
 
 CORNER = 0.016

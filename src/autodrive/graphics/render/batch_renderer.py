@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.render.look import Daylight
     from autodrive.graphics.render.renderer import DrawCall
     from autodrive.graphics.render.scene import Kind, RenderScene
-    from autodrive.physics.sensors.camera_view import View
+    from autodrive.physics.sensors.camera.view import View
 
 PART = 32
 """States that are prepared together."""

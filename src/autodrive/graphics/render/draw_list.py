@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.render.render_state import RenderState
     from autodrive.graphics.render.scene import RenderScene, Skeleton
     from autodrive.graphics.render.shadows import Shadows
-    from autodrive.physics.sensors.camera_view import View
+    from autodrive.physics.sensors.camera.view import View
 
 LAMP_SLOTS = 48
 NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1

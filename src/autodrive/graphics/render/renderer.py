@@ -24,7 +24,7 @@ from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit
 from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
-from autodrive.physics.sensors.camera_view import RenderedImage, View
+from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.protocol.labels import Label
 
 if TYPE_CHECKING:

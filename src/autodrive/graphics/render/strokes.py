@@ -18,7 +18,7 @@ from autodrive.graphics.render.shadows import columns
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
-    from autodrive.physics.sensors.camera_view import View
+    from autodrive.physics.sensors.camera.view import View
 
 STROKE = np.dtype([("begin", "f4", 3), ("end", "f4", 3), ("tint", "f4", 4), ("shape", "f4", 4)])
 """A stroke, see shaders/strokes.vert. The fourth number of the shape of a character is its code point."""

@@ -13,7 +13,7 @@ from autodrive.base.specs import Spec
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
-from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
 from autodrive.physics.sensors.sensor import Sampled
 

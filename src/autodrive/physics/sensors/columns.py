@@ -31,7 +31,7 @@ class NoiseColumns(NamedTuple):
     """Bias of each channel, shape (n, v, c)."""
     lidar: Floats
     """sigma, relative_sigma, step, dropout, scale, the drawn factor of all ranges, and the figures of the weather (see
-    `lidar_weather`; zeros: nothing), shape (n, v, 6 + figures)."""
+    `lidar.weather`; zeros: nothing), shape (n, v, 6 + figures)."""
 
 
 class ReadingColumns(NamedTuple):

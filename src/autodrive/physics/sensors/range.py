@@ -15,7 +15,7 @@ from autodrive.base.jit import inlined
 from autodrive.base.transforms import compose, rotate
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation, mount_position
-from autodrive.physics.sensors.lidar_noise import classify
+from autodrive.physics.sensors.lidar.noise import classify
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.rays import inverse_range
 from autodrive.physics.sensors.sensor import Distance, Mount, Rate, Reader, Sampled, SensorSpec

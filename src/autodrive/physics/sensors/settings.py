@@ -9,7 +9,7 @@ from typing import Any, get_args
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, checked
 from autodrive.base.suggest import suggest
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.catalog import SensorSuiteSpec
 from autodrive.physics.sensors.sensor import NoisePreset, NoisySpec, Rate
 

@@ -15,8 +15,8 @@ from autodrive.physics.model import ShapeTable
 from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.encoder import EncoderSpec
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_weather import WEATHER, set_lidar_weather
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.weather import WEATHER, set_lidar_weather
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.sensors.sensor import Reader
 from autodrive.physics.sensors.settings import ConfiguredSensor

@@ -12,8 +12,8 @@ from autodrive.base.arrays import Integers
 from autodrive.physics.model import columns as table_columns
 from autodrive.physics.sensors.catalog import ALWAYS_READ, KINDS, NOISY_VALUES, NUMBERS, SENSORS, VALUES
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, SensorTables
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_weather import WEATHER, WIDTH
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.weather import WEATHER, WIDTH
 from autodrive.physics.sensors.random_stream import new_stream, normal
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.physics.sensors.settings import ConfiguredSensor

@@ -37,7 +37,7 @@ from autodrive.recording.records import ScenarioRecord
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.compile import sensors_of
-from autodrive.world.scene_files import sensor_noise
+from autodrive.world.views.scene_files import sensor_noise
 
 RATE = 30.0
 """Default rate of the states [Hz], as that of the bridge."""

@@ -24,9 +24,9 @@ from autodrive.graphics.render.strokes import Strokes
 from autodrive.protocol.native import Drawn, SetCamera
 from autodrive.recording.film.overlay import with_overlay
 from autodrive.recording.film.video import Video
-from autodrive.world.cameras import camera_rig
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.factory import compile_scenario
+from autodrive.world.views.cameras import camera_rig
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame

@@ -24,9 +24,9 @@ from autodrive.recording.replay.forces import ForcesAgain
 from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
 from autodrive.recording.replay.tape import Tape
-from autodrive.world.cameras import process_cameras
 from autodrive.world.factory import new_world
-from autodrive.world.scene_files import SceneFiles
+from autodrive.world.views.cameras import process_cameras
+from autodrive.world.views.scene_files import SceneFiles
 
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReplayOptions(PageOptions):
+class ReplayOptions:
     """Options of `replay` and of the command `autodrive replay`."""
 
     speed: float = 1.0
@@ -44,6 +44,8 @@ class ReplayOptions(PageOptions):
     """Whether it waits for a viewer to play."""
     camera_quality: str = "auto"
     """Quality of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
+    page: PageOptions = PageOptions()  # noqa: RUF009  it is frozen
+    """Where the page is served, and to whom."""
 
 
 class Replay:
@@ -78,7 +80,7 @@ class Replay:
                 want_pictures=self.player.want_images,
                 renderer_factory=scene_renderer_factory(options.camera_quality),
             ),
-            options,
+            options.page,
             page=built_page(),
         )
 

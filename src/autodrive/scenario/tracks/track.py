@@ -158,10 +158,10 @@ class Track:
     @classmethod
     def load(cls, name: str | Path) -> Track:
         """The track of that name, or of that YAML file. Raises `SpecError` with all errors."""
-        from autodrive.base import yaml_files  # noqa: PLC0415  compiling needs no files
+        from autodrive.scenario import kinds  # noqa: PLC0415  compiling needs no files
 
-        path = yaml_files.find("track", name)
-        return cls.of(yaml_files.read("track", path, TrackSpec), path.stem)
+        path = kinds.find("track", name)
+        return cls.of(kinds.read("track", path, TrackSpec), path.stem)
 
     @classmethod
     def of(cls, spec: TrackSpec, name: str) -> Track:

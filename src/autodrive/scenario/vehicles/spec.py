@@ -12,7 +12,7 @@ from autodrive.base.transforms import Vector
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.catalog import SensorSuiteSpec
 from autodrive.physics.weather import SNOW_RESISTANCE
 from autodrive.physics.wheel import magic_shape
@@ -365,6 +365,6 @@ class VehicleSpec(Spec):
 
 def load_vehicle(name: str) -> VehicleSpec:
     """The vehicle with that name or in that file. Raises `SpecError` with all errors."""
-    from autodrive.base.yaml_files import read  # noqa: PLC0415  compiling needs no files
+    from autodrive.scenario.kinds import read  # noqa: PLC0415  compiling needs no files
 
     return read("vehicle", name, VehicleSpec)

@@ -22,8 +22,8 @@ from autodrive.base.pinned import Pinned
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
-from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_weather import set_lidar_weather
+from autodrive.physics.sensors.lidar.lidar import LidarSpec
+from autodrive.physics.sensors.lidar.weather import set_lidar_weather
 from autodrive.physics.sensors.tables import set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather

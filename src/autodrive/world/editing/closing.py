@@ -8,10 +8,10 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from autodrive.base import yaml_files
 from autodrive.base.errors import CommandError
 from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import CloseLoop, EditMap, MapModule, MapPart
+from autodrive.scenario import kinds
 from autodrive.scenario.files import read_module
 from autodrive.scenario.maps.closing import closing_chain
 from autodrive.scenario.maps.module import ModuleSpec
@@ -83,7 +83,7 @@ def _ends(world: World, part: str = "", port: str = "") -> Iterator[End]:
 
 def _modules(world: World) -> dict[str, ModuleSpec]:
     """All modules that can be placed: those of the simulator and those of the map."""
-    described = {name: read_module(name) for name in yaml_files.names("module")}
+    described = {name: read_module(name) for name in kinds.names("module")}
     folder = Path(world.specs.map.path).parent.absolute()
     own = {
         str(folder / name) if name.endswith(".yaml") else name: module

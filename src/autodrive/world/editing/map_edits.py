@@ -26,6 +26,7 @@ from autodrive.protocol.messages import (
     MapWall,
     UseMap,
 )
+from autodrive.scenario import kinds
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.files import described, module_of, read_map
 from autodrive.scenario.maps.props import PropSpec
@@ -50,7 +51,7 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     if isinstance(edit, EditTrack | GenerateTrack):
         return _with_track(specs, edited_track(specs, edit))
     if isinstance(edit, UseMap) and not edit.text:
-        known = yaml_files.names("map")
+        known = kinds.names("map")
         if edit.name not in known:
             raise CommandError(f"map '{short(edit.name)}' is not known. {suggest(edit.name, known)}")
         return _with_map(specs, edit.name, read_map(edit.name)[0])
@@ -79,7 +80,7 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
 
 def _check_modules(names: Iterable[str], of_map: Collection[str]) -> None:
     """Raises `CommandError` for a module that is neither of the simulator nor in the map: no other file is read."""
-    known = sorted({*yaml_files.names("module"), *of_map})
+    known = sorted({*kinds.names("module"), *of_map})
     for name in names:
         if name not in known:
             raise CommandError(f"module '{short(name)}' is not known. {suggest(name, known)}")

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from msgspec.structs import replace
 
-from autodrive.base import yaml_files
 from autodrive.base.specs import Described, PlaceInFile, joined
 from autodrive.base.units import DEGREE
 from autodrive.protocol import native
 from autodrive.protocol.messages import MapModule, MapPart
 from autodrive.protocol.native import MapPort, MapScene, ModuleScene
+from autodrive.scenario import kinds
 from autodrive.scenario.files import map_titles, read_map, read_module
 from autodrive.scenario.maps.draw import to_svg
 from autodrive.scenario.maps.map import Map, compile_map
@@ -39,7 +39,7 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
     problems = world.compiled.map_problems
     wrong = {key for problem in problems for key in _ports_of(problem) if problem.other_port}
     own = {placement.module: world.specs.map.modules.get(placement.module) for placement in spec.placements}
-    modules = {name: read_module(name) for name in yaml_files.names("module")}
+    modules = {name: read_module(name) for name in kinds.names("module")}
     modules |= {name: described or read_module(name) for name, described in own.items()}
     return MapScene(
         parts=parts,
@@ -55,8 +55,8 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
 
 
 def _kinds() -> Iterator[str]:
-    for kinds in get_args(PropKind):
-        yield from get_args(kinds) or (kinds,)
+    for kind in get_args(PropKind):
+        yield from get_args(kind) or (kind,)
 
 
 def _ports_of(problem: PlacingProblem) -> list[tuple[int, str]]:

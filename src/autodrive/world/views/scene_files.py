@@ -15,7 +15,7 @@ from autodrive.graphics.cameras.viewpoints import scene_cameras
 from autodrive.graphics.meshes import store
 from autodrive.graphics.render.look import light_table
 from autodrive.physics.actuators.lights import LAMPS, LightsSpec
-from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor, noise_presets
 from autodrive.protocol.labels import COLOURS
 from autodrive.protocol.messages import Pose

@@ -13,11 +13,11 @@ from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
-from autodrive.physics.sensors.fan import cast_fan
-from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
-from autodrive.physics.sensors.lidar_weather import THRESHOLD, WEATHER, pass_weather
+from autodrive.physics.sensors.lidar.fan import cast_fan
+from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
+from autodrive.physics.sensors.lidar.sweep import Timing, cast_sweep
+from autodrive.physics.sensors.lidar.weather import THRESHOLD, WEATHER, pass_weather
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
-from autodrive.physics.sensors.sweep import Timing, cast_sweep
 from autodrive.protocol.messages import LidarScan
 
 

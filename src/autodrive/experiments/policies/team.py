@@ -23,7 +23,7 @@ from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
 from autodrive.experiments.envs.task import CarReadings, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies.policy import PolicyDrivers
-from autodrive.experiments.policies.racer import PolicyRacers
+from autodrive.experiments.policies.racer import PolicyRacer
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
@@ -93,7 +93,7 @@ def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_n
             raise SpecError([f"the policy was trained for '{policy.task}', not for a race"])
 
     def start(count: int) -> Act:
-        racers = [driver if callable(driver) else PolicyRacers(driver, count // 2).act for driver in (first, second)]
+        racers = [driver if callable(driver) else PolicyRacer(driver, count // 2).act_all for driver in (first, second)]
 
         def act(observations: NDArray[np.float32], cars: CarReadings) -> Floats:
             commands = np.empty((count, 2))

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
-from autodrive.physics.sensors.camera_optics import NO_DISTORTION
+from autodrive.physics.sensors.camera.optics import NO_DISTORTION
 
 Hardware: TypeAlias = Literal["raspberry_pi_v1", "raspberry_pi_v2", "rectified"]
 

@@ -19,7 +19,7 @@ from autodrive.protocol.messages import CameraIntrinsics
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.physics.sensors.camera_imperfections import CameraImperfections
+    from autodrive.physics.sensors.camera.imperfections import CameraImperfections
 
 _STEPS = 1 << 14
 """Number of steps of linear light in the sRGB table; in the dark part one step is a fifth of an sRGB value."""

@@ -1,12 +1,4 @@
-"""Reads and writes files in the format MCAP (https://mcap.dev/spec): messages with a time, in compressed chunks.
-
-We have our own reader and writer instead of those of the package `mcap` (measured with 1.6.0), whose `Writer.flush` can
-end a chunk at any time, too. Its writer compresses all chunks with one level, which costs another 0.4 % of a core with
-two cameras, and writes schemas and channels only inside chunks: if one chunk of a file that was cut off is damaged, all
-later messages can lose their topic. Its reader ends at the first damaged record: of 13,000 mutated recordings it gave
-a quarter fewer messages. It does not check the checksums of summary and attachments, and asks for as much memory as a
-damaged length says (gigabytes for 12 of these files). Most of our reader would remain around its records.
-"""
+"""Reads files in the format MCAP, also damaged ones, with bounded memory and work."""
 
 from __future__ import annotations
 
@@ -14,32 +6,32 @@ import bisect
 import contextlib
 import os
 import struct
-import sys
 import threading
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.readable import readable
-from autodrive.base.texts import encodable
 from autodrive.recording.errors import RecordingError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
-
-MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
-ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
-"""Kinds of records."""
+from autodrive.recording.mcap.records import (
+    CHANNEL_PLACE,
+    CHUNK_INDEX_HEAD,
+    MAGIC,
+    RECORD_HEAD,
+    AttachmentIndex,
+    ChunkIndex,
+    McapChannel,
+    McapMessage,
+    Opcode,
+    Schema,
+    zstd,
+)
 
 MAX_CHUNK = 2**26
 """Largest size of a chunk that is read [bytes]."""
@@ -62,15 +54,7 @@ CHUNK_WORK = 2**16
 """What it costs to read a chunk, besides its size [bytes]."""
 CACHE_SIZE, CACHED_CHUNKS = 2**25, 8
 """Size [bytes] and number of the chunks that a reader keeps in memory."""
-LEVEL, PACKED_LEVEL = 3, -1
-"""Levels of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
 
-_MESSAGE = struct.Struct("<BQHIQQ")
-_CHUNK_HEAD = struct.Struct("<QQQI")
-_CHUNK_INDEX_HEAD = struct.Struct("<QQQQI")
-_CHANNEL_PLACE = np.dtype([("channel", "<u2"), ("place", "<u8")])
-"""A channel of a chunk, and the place of its index in the file."""
-_RECORD_HEAD = struct.Struct("<BQ")
 _HEAD = np.dtype(
     [
         ("kind", "u1"),
@@ -82,249 +66,6 @@ _HEAD = np.dtype(
     ]
 )
 """A message in a chunk, before its data."""
-
-
-class McapMessage(NamedTuple):
-    """A message of a chunk; times in nanoseconds."""
-
-    channel: int
-    sequence: int
-    log_time: int
-    publish_time: int
-    data: bytes
-
-
-@dataclass(frozen=True)
-class Schema:
-    """The schema of messages."""
-
-    id: int
-    name: str
-    encoding: str
-    data: bytes
-
-
-@dataclass(frozen=True)
-class McapChannel:
-    """Messages of one kind."""
-
-    id: int
-    schema: int
-    topic: str
-    encoding: str
-    metadata: Mapping[str, str]
-
-
-class ChunkIndex(NamedTuple):
-    """Where a chunk is in a file, and the time of its first and last message [ns]."""
-
-    start: int
-    end: int
-    offset: int
-    length: int
-    """Length of the record of the chunk [bytes]."""
-    places: NDArray[np.void]
-    """Channels of the chunk and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
-
-    @property
-    def channels(self) -> NDArray[np.uint16]:
-        """Channels that have messages in it, shape (n,)."""
-        return self.places["channel"]
-
-
-@dataclass(frozen=True)
-class AttachmentIndex:
-    """Where an attachment is in a file."""
-
-    name: str
-    media_type: str
-    offset: int
-
-
-# -- writing -------------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class Chunk:
-    """Messages that are compressed together."""
-
-    start: int = 0
-    end: int = 0
-    data: bytearray = field(default_factory=bytearray)
-    index: dict[int, bytearray] = field(default_factory=dict)
-    """Times and offsets of the messages of each channel."""
-    counts: dict[int, int] = field(default_factory=dict)
-    """Messages of each channel."""
-    packed: int = 0
-    """Bytes of data that were compressed before, such as JPEG."""
-
-    def add(self, message: McapMessage, *, is_packed: bool = False) -> None:
-        """Add a message. `is_packed`: its data are compressed already."""
-        if not self.data:
-            self.start = self.end = message.log_time
-        self.start, self.end = min(self.start, message.log_time), max(self.end, message.log_time)
-        self.index.setdefault(message.channel, bytearray()).extend(struct.pack("<QQ", message.log_time, len(self.data)))
-        self.counts[message.channel] = self.counts.get(message.channel, 0) + 1
-        channel, sequence, log_time, publish_time, data = message
-        self.data += _MESSAGE.pack(MESSAGE, 22 + len(data), channel, sequence, log_time, publish_time)
-        self.data += data
-        if is_packed:
-            self.packed += len(data)
-
-
-def header(library: str) -> bytes:
-    """The start of an MCAP file, with the name of the program that writes it."""
-    return MAGIC + _record(HEADER, _text("") + _text(library))
-
-
-class Writer:
-    """Writes an MCAP file after its `header`. A method that fails with `OSError` leaves all earlier records readable.
-
-    `start`: size of what was written [bytes].
-    """
-
-    def __init__(self, file: BinaryIO, start: int) -> None:
-        self._file = file
-        self._offset = start
-        self._schemas: list[bytes] = []
-        self._channels: list[bytes] = []
-        self._chunks: list[tuple[ChunkIndex, int, int, int]] = []
-        self._attachments: list[bytes] = []
-        self._metadata: list[bytes] = []
-        self._counts: dict[int, int] = {}
-
-    def schema(self, schema: Schema) -> None:
-        """Add a schema, before the channels that use it."""
-        self._schemas.append(
-            _record(
-                SCHEMA,
-                struct.pack("<H", schema.id) + _text(schema.name) + _text(schema.encoding) + _block(schema.data),
-            )
-        )
-        self._write(self._schemas[-1])
-
-    def channel(self, channel: McapChannel) -> None:
-        """Add a channel, before its messages."""
-        self._channels.append(
-            _record(
-                CHANNEL,
-                struct.pack("<HH", channel.id, channel.schema)
-                + _text(channel.topic)
-                + _text(channel.encoding)
-                + _texts(channel.metadata),
-            )
-        )
-        self._write(self._channels[-1])
-
-    def chunk(self, chunk: Chunk) -> None:
-        """Write a chunk with its indexes, and pass all to the operating system."""
-        if not chunk.data:
-            return
-        data = zstd.compress(chunk.data, PACKED_LEVEL if 2 * chunk.packed > len(chunk.data) else LEVEL)
-        head = _CHUNK_HEAD.pack(chunk.start, chunk.end, len(chunk.data), zlib.crc32(chunk.data))
-        record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)), data)
-        places: list[tuple[int, int]] = []
-        indexes = b""
-        for channel, entries in chunk.index.items():
-            places.append((channel, self._offset + len(record) + len(indexes)))
-            indexes += _record(MESSAGE_INDEX, struct.pack("<H", channel) + _block(bytes(entries)))
-        index = ChunkIndex(chunk.start, chunk.end, self._offset, len(record), np.array(places, _CHANNEL_PLACE))
-        self._write(record + indexes)
-        self._chunks.append((index, len(indexes), len(data), len(chunk.data)))
-        for channel, count in chunk.counts.items():
-            self._counts[channel] = self._counts.get(channel, 0) + count
-
-    def attachment(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file."""
-        content = struct.pack("<QQ", 0, 0) + _text(name) + _text(media_type) + struct.pack("<Q", len(data)) + data
-        record = _record(ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
-        index = struct.pack("<QQQQQ", self._offset, len(record), 0, 0, len(data)) + _text(name) + _text(media_type)
-        self._write(record)
-        self._attachments.append(_record(ATTACHMENT_INDEX, index))
-
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Add named texts."""
-        record = _record(METADATA, _text(name) + _texts(values))
-        index = struct.pack("<QQ", self._offset, len(record)) + _text(name)
-        self._write(record)
-        self._metadata.append(_record(METADATA_INDEX, index))
-
-    def finish(self) -> None:
-        """Write the summary, from which readers find everything at once."""
-        self._write(_record(DATA_END, struct.pack("<I", 0)))
-        start = self._offset
-        groups = [
-            (SCHEMA, self._schemas),
-            (CHANNEL, self._channels),
-            (STATISTICS, [self._statistics()]),
-            (CHUNK_INDEX, [_chunk_index(*chunk) for chunk in self._chunks]),
-            (ATTACHMENT_INDEX, self._attachments),
-            (METADATA_INDEX, self._metadata),
-        ]
-        summary = offsets = b""
-        for kind, records in groups:
-            part = b"".join(records)
-            if part:
-                offsets += _record(SUMMARY_OFFSET, struct.pack("<BQQ", kind, start + len(summary), len(part)))
-                summary += part
-        head = struct.pack("<BQQQ", FOOTER, 20, start, start + len(summary))
-        checksum = zlib.crc32(head, zlib.crc32(summary + offsets))
-        self._write(summary + offsets + head + struct.pack("<I", checksum) + MAGIC)
-
-    def _statistics(self) -> bytes:
-        counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items()))
-        content = struct.pack(
-            "<QHIIIIQQ",
-            sum(self._counts.values()),
-            len(self._schemas),
-            len(self._channels),
-            len(self._attachments),
-            len(self._metadata),
-            len(self._chunks),
-            min((chunk[0].start for chunk in self._chunks), default=0),
-            max((chunk[0].end for chunk in self._chunks), default=0),
-        )
-        return _record(STATISTICS, content + _block(counts))
-
-    def _write(self, data: bytes) -> None:
-        self._file.write(data)
-        self._file.flush()
-        self._offset += len(data)
-
-    @property
-    def size(self) -> int:
-        """Bytes that were written whole."""
-        return self._offset
-
-
-def _chunk_index(index: ChunkIndex, indexes: int, compressed: int, size: int) -> bytes:
-    return _record(
-        CHUNK_INDEX,
-        struct.pack("<QQQQ", index.start, index.end, index.offset, index.length)
-        + _block(index.places.tobytes())
-        + struct.pack("<Q", indexes)
-        + _text("zstd")
-        + struct.pack("<QQ", compressed, size),
-    )
-
-
-def _record(kind: int, content: bytes, more: bytes = b"") -> bytes:
-    return b"".join((_RECORD_HEAD.pack(kind, len(content) + len(more)), content, more))
-
-
-def _text(text: str) -> bytes:
-    return _block(encodable(text).encode())
-
-
-def _block(data: bytes) -> bytes:
-    return struct.pack("<I", len(data)) + data
-
-
-def _texts(values: Mapping[str, str]) -> bytes:
-    return _block(b"".join(_text(key) + _text(value) for key, value in values.items()))
-
-
-# -- reading -------------------------------------------------------------------------------------------------------
 
 
 class Reader:
@@ -416,16 +157,16 @@ class Reader:
             self.report("the summary at the end of the file is damaged")
             return False
         with contextlib.suppress(_CutOffError, UnicodeDecodeError):
-            self._read_record(HEADER, self._record(len(MAGIC), HEADER), len(MAGIC))
+            self._read_record(Opcode.HEADER, self._record(len(MAGIC), Opcode.HEADER), len(MAGIC))
         return self._read_records(start, footer, is_summary=True)
 
     def _read_records(self, at: int, end: int, *, is_summary: bool) -> bool:
         """Read the index of records, and of attachments and chunks that are in the data section."""
-        while at + _RECORD_HEAD.size <= end:
-            head = self._data[at : at + _RECORD_HEAD.size]
-            if len(head) < _RECORD_HEAD.size:
+        while at + RECORD_HEAD.size <= end:
+            head = self._data[at : at + RECORD_HEAD.size]
+            if len(head) < RECORD_HEAD.size:
                 break
-            kind, length = _RECORD_HEAD.unpack(head)
+            kind, length = RECORD_HEAD.unpack(head)
             start, at_next = at + 9, at + 9 + length
             if at_next > end or kind == 0:
                 break
@@ -437,67 +178,74 @@ class Reader:
                 if is_summary:
                     return False
             at = at_next
-            if kind in {DATA_END, FOOTER} and not is_summary:
+            if kind in {Opcode.DATA_END, Opcode.FOOTER} and not is_summary:
                 return True
         if at < end and not is_summary:
             self.report(f"the file is cut off or damaged at byte {at} of {end}")
         return at >= end
 
     def _read_record(self, kind: int, cursor: _Cursor, offset: int) -> None:
-        if kind in {HEADER, SCHEMA, CHANNEL, METADATA, METADATA_INDEX, ATTACHMENT_INDEX}:
+        if kind in {
+            Opcode.HEADER,
+            Opcode.SCHEMA,
+            Opcode.CHANNEL,
+            Opcode.METADATA,
+            Opcode.METADATA_INDEX,
+            Opcode.ATTACHMENT_INDEX,
+        }:
             self._count("bytes of schemas, channels and metadata", cursor.left)
-        if kind == HEADER:
+        if kind == Opcode.HEADER:
             cursor.text()
             self.library = cursor.text()
-        elif kind == SCHEMA:
+        elif kind == Opcode.SCHEMA:
             id_ = cursor.number("<H")
             self.schemas.setdefault(id_, Schema(id_, cursor.text(), cursor.text(), cursor.block()))
-        elif kind == CHANNEL:
+        elif kind == Opcode.CHANNEL:
             id_, schema = cursor.number("<H"), cursor.number("<H")
             channel = McapChannel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
             self.channels.setdefault(id_, channel)
-        elif kind == CHUNK:
+        elif kind == Opcode.CHUNK:
             self._count("chunks")
             self._end_chunk()
             start, end = cursor.number("<Q"), cursor.number("<Q")
             self.chunks.append(ChunkIndex(start, end, offset, cursor.end - offset, NO_PLACES))
-        elif kind == MESSAGE_INDEX and self.chunks:
+        elif kind == Opcode.MESSAGE_INDEX and self.chunks:
             self._places.append((cursor.number("<H"), offset))
-        elif kind == CHUNK_INDEX:
+        elif kind == Opcode.CHUNK_INDEX:
             self._count("chunks")
-            start, end, place, length, size = _CHUNK_INDEX_HEAD.unpack(cursor.take(_CHUNK_INDEX_HEAD.size))
-            self._count("channels of chunks", size // _CHANNEL_PLACE.itemsize)
+            start, end, place, length, size = CHUNK_INDEX_HEAD.unpack(cursor.take(CHUNK_INDEX_HEAD.size))
+            self._count("channels of chunks", size // CHANNEL_PLACE.itemsize)
             places = cursor.take(size)
-            if place + length > len(self._data) or size % _CHANNEL_PLACE.itemsize:
+            if place + length > len(self._data) or size % CHANNEL_PLACE.itemsize:
                 raise _CutOffError
-            self.chunks.append(ChunkIndex(start, end, place, length, np.frombuffer(places, _CHANNEL_PLACE)))
-        elif kind == ATTACHMENT:
+            self.chunks.append(ChunkIndex(start, end, place, length, np.frombuffer(places, CHANNEL_PLACE)))
+        elif kind == Opcode.ATTACHMENT:
             cursor.take(16)
             name, media_type = cursor.text(), cursor.text()
             self._count("bytes of schemas, channels and metadata", 16 + len(name) + len(media_type))
             self.attachments.append(AttachmentIndex(name, media_type, offset))
-        elif kind == ATTACHMENT_INDEX:
+        elif kind == Opcode.ATTACHMENT_INDEX:
             place = cursor.number("<Q")
             cursor.take(32)
             self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), place))
-        elif kind == METADATA:
+        elif kind == Opcode.METADATA:
             self._count("metadata records")
             name = cursor.text()
             self.metadata[name] = cursor.texts()
-        elif kind == METADATA_INDEX:
+        elif kind == Opcode.METADATA_INDEX:
             place = cursor.number("<Q")
-            self._read_record(METADATA, self._record(place, METADATA), place)
+            self._read_record(Opcode.METADATA, self._record(place, Opcode.METADATA), place)
 
     def _end_chunk(self) -> None:
         """Note the indexes of the last chunk, which are complete; used while a file without summary is read."""
         if self._places:
-            self.chunks[-1] = self.chunks[-1]._replace(places=np.array(self._places, _CHANNEL_PLACE))
+            self.chunks[-1] = self.chunks[-1]._replace(places=np.array(self._places, CHANNEL_PLACE))
             self._places = []
 
     def _record(self, offset: int, kind: int) -> _Cursor:
         """The content of the record at a place. Raises `_CutOffError` if it is not there, or of another kind."""
         cursor = _Cursor(self._data, offset, len(self._data))
-        opcode, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
+        opcode, length = RECORD_HEAD.unpack(cursor.take(RECORD_HEAD.size))
         if opcode != kind:
             raise _CutOffError(": it does not begin with a record of that kind")
         return _Cursor(self._data, cursor.at, cursor.at + length)
@@ -510,7 +258,7 @@ class Reader:
         if not named:
             raise RecordingError(f"the file has no attachment '{name}'  ({self.path})")
         try:
-            cursor = self._record(named[0].offset, ATTACHMENT)
+            cursor = self._record(named[0].offset, Opcode.ATTACHMENT)
             start = cursor.at
             cursor.take(16)
             cursor.text()
@@ -549,7 +297,7 @@ class Reader:
         count = 0
         try:
             for offset in index.places["place"].tolist():
-                cursor = self._record(offset, MESSAGE_INDEX)
+                cursor = self._record(offset, Opcode.MESSAGE_INDEX)
                 cursor.take(2)
                 size = cursor.number("<I")
                 count += size // 16
@@ -571,7 +319,7 @@ class Reader:
     def _content(self, index: ChunkIndex) -> bytes:
         if self._data.closed:
             raise RecordingError(f"the recording is closed; read its images before  ({self.path})")
-        cursor = self._record(index.offset, CHUNK)
+        cursor = self._record(index.offset, Opcode.CHUNK)
         if cursor.end - index.offset != index.length:
             raise _CutOffError(": its length is not that in the index")
         cursor.take(16)
@@ -625,7 +373,9 @@ class ChunkMessages(Sequence[McapMessage]):
     def are_whole(self) -> bool:
         """Whether they are all that the chunk contains, one after the other."""
         follows = np.array_equal(self._places[1:], self._ends[:-1]) and self._ends[-1] == len(self._content)
-        return follows and bool(np.all(self._kinds == MESSAGE) and np.all(self._ends - self._places >= _HEAD.itemsize))
+        return follows and bool(
+            np.all(self._kinds == Opcode.MESSAGE) and np.all(self._ends - self._places >= _HEAD.itemsize)
+        )
 
     def __len__(self) -> int:
         return len(self._places)
@@ -657,7 +407,7 @@ class ChunkMessages(Sequence[McapMessage]):
         return int(of_channel[-1]) if len(of_channel) else -1
 
 
-NO_PLACES = np.empty(0, _CHANNEL_PLACE)
+NO_PLACES = np.empty(0, CHANNEL_PLACE)
 NO_MESSAGES = ChunkMessages(b"", np.empty(0, np.int64))
 """The messages of a damaged chunk: none."""
 
@@ -671,11 +421,11 @@ def _places(content: bytes) -> NDArray[np.int64]:
             return np.array(starts, np.int64)
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")
-        kind, length = _RECORD_HEAD.unpack_from(content, at)
+        kind, length = RECORD_HEAD.unpack_from(content, at)
         end = at + 9 + length
-        if end > size or (kind == MESSAGE and length < 22):
+        if end > size or (kind == Opcode.MESSAGE and length < 22):
             raise _CutOffError(": a record is cut off")
-        if kind == MESSAGE:
+        if kind == Opcode.MESSAGE:
             starts.append(at)
         at = end
     raise _CutOffError(f": it has more than {MAX_MESSAGES} records")

@@ -12,17 +12,16 @@ from pydantic import Field, model_validator
 from autodrive.base.elementary import tan
 from autodrive.base.transforms import Quaternion, Vector, compose, quaternion_from_rotation_vector, rotate
 from autodrive.base.units import DEGREE
-from autodrive.physics.sensors.camera_exposure import Exposure, lens_shading, shutter
-from autodrive.physics.sensors.camera_imperfections import PRESETS, CameraImperfections, Hardware
-from autodrive.physics.sensors.camera_optics import covers_whole_image, ideal_pinhole, project, rays
-from autodrive.physics.sensors.camera_view import RenderedImage, View
+from autodrive.physics.sensors.camera.exposure import Exposure, lens_shading, shutter
+from autodrive.physics.sensors.camera.imperfections import PRESETS, CameraImperfections, Hardware
+from autodrive.physics.sensors.camera.optics import covers_whole_image, ideal_pinhole, rays
+from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Schedule, SensorSpec, random_generator
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["OPTICAL", "Camera", "CameraSpec", "project", "rays", "world_from_camera"]
 
 OPTICAL: Quaternion = (0.5, -0.5, 0.5, -0.5)
 """Rotation from the optical frame (x right, y down, z forward) to body axes (x forward, y left, z up), REP 103."""

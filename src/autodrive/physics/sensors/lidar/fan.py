@@ -18,7 +18,7 @@ from autodrive.base.transforms import Quaternion, Vector, compose, rotate, rotat
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.model import BOX, CYLINDER, ShapeTable
 from autodrive.physics.ray import inverse_distance
-from autodrive.physics.sensors.outline import (
+from autodrive.physics.sensors.lidar.outline import (
     AROUND,
     BEARING_ERROR,
     HIDDEN,

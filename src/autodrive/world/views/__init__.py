@@ -1,0 +1,1 @@
+"""What people, clients and cameras see of worlds: scene files, images, the weather in numbers."""
