@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
@@ -23,8 +21,6 @@ from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
 from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
 from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 
-VARIANTS = ("published", "own")
-KINDS = ((CrossingVectorEnv, 4), (DuelVectorEnv, 2))
 FAST, HALF_FAST = 4, 1
 """Published actions of the crossing: straight on with throttle 1 and 0.5."""
 
@@ -33,36 +29,6 @@ def test_one_car_alone_is_refused() -> None:
     for id_ in SEVERAL_CARS:
         with pytest.raises(SpecError, match=r"several cars: use gymnasium.make_vec"):
             gymnasium.make(f"autodrive:{id_}")
-
-
-class OneCar(gymnasium.Env[Any, Any]):
-    """The car of the last environment of a vector environment of one world; the others do what they like."""
-
-    def __init__(self, vector: Any) -> None:
-        self.vector = vector
-        self.observation_space, self.action_space = vector.single_observation_space, vector.single_action_space
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        super().reset(seed=seed)
-        self.vector.action_space.seed(seed)
-        return self.vector.reset(seed=seed, options=options)[0][-1], {}
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        actions = self.vector.action_space.sample()
-        actions[-1] = action
-        observations, rewards, terminated, truncated, info = self.vector.step(actions)
-        return observations[-1], float(rewards[-1]), bool(terminated[-1]), bool(truncated[-1]), {**info}
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize(("vector", "cars"), KINDS)
-def test_the_checker_of_gymnasium_passes_for_a_car_of_a_vector_environment(
-    vector: Any, cars: int, variant: str
-) -> None:
-    """Gymnasium has no checker of vector environments: it sees one car, in the autoreset mode of a single one."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(OneCar(vector(cars, variant=variant, autoreset_mode="Disabled")), skip_render_check=True)
 
 
 @pytest.mark.parametrize("id_", [*IDS, ROBORACER, *SEVERAL_CARS])
