@@ -67,13 +67,15 @@ def commands(path: Path) -> list[str]:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_a_command_that_does_not_run_here_exists_with_its_options(path: Path) -> None:
     known: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
-    for line in (one for one in commands(path) if not runs_here(one)):
+    for line in (command for command in commands(path) if not runs_here(command)):
         program, *words = re.split(r"&&|\|\||;|\|", line)[0].split()
         if program == "scripts/run" and words:
             program = "autodrive"
         if program.removeprefix(".venv/bin/") == "autodrive" and words:
             inner = getattr(known[words[0]], "commands", {}).get(words[1] if words[1:] else "", known[words[0]])
-            options = {option for one in inner.params for option in (*one.opts, *one.secondary_opts)} | {"--help"}
+            options = {
+                option for parameter in inner.params for option in (*parameter.opts, *parameter.secondary_opts)
+            } | {"--help"}
             assert {word for word in words if word.startswith("--")} <= options, line
         for word in (program, *words):
             is_file = re.match("(scripts|examples|benchmarks)/[^*]+$", word)
@@ -99,7 +101,7 @@ def runnable() -> dict[Path, list[str]]:
 
 @pytest.mark.process
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "lines"), runnable().items(), ids=lambda one: getattr(one, "name", ""))
+@pytest.mark.parametrize(("page", "lines"), runnable().items(), ids=lambda value: getattr(value, "name", ""))
 def test_the_commands_of_a_page_run(page: Path, lines: list[str], tmp_path: Path) -> None:
     for file in ROOT.iterdir():
         if not file.name.startswith("."):

@@ -67,10 +67,7 @@ ENTRANCES: dict[str, dict[str, tuple[str, Entrance]]] = {
     "command": {
         "World.step": ("throttle of vehicle 'V1'", lambda p, v: p.world.step({"V1": Command(v)})),
         "BatchWorld.step": ("commands|throttle of vehicle", lambda p, v: p.batch.step([[[v, 0.0]], [[0.0, 0.0]]])),
-        "Simulation.submit": (
-            FINITE,
-            lambda p, v: p.simulation.submit("V1", Command(0.0, v)),
-        ),
+        "Simulation.submit": (FINITE, lambda p, v: p.simulation.submit("V1", Command(0.0, v))),
         "Step": ("throttle|Step", lambda p, v: p.simulation.request(Step(1, {"V1": Command(v)}))),
         "Client.drive": ("throttle of vehicle 'V1'", lambda p, v: p.client.drive("V1", throttle=v)),
         "Client.step": ("steering of vehicle 'V1'", lambda p, v: p.client.step({"V1": Command(0.0, v)})),
@@ -93,14 +90,8 @@ ENTRANCES: dict[str, dict[str, tuple[str, Entrance]]] = {
     },
     "speed": {
         "Simulation": (SPEED, lambda p, v: Simulation(p.world, speed=v)),
-        "SetSpeed": (
-            f"{SPEED}|of SetSpeed",
-            lambda p, v: p.simulation.request(SetSpeed(v)),
-        ),
-        "Client.set_speed": (
-            f"{SPEED}|factor must be a number",
-            lambda p, v: p.client.set_speed(v),
-        ),
+        "SetSpeed": (f"{SPEED}|of SetSpeed", lambda p, v: p.simulation.request(SetSpeed(v))),
+        "Client.set_speed": (f"{SPEED}|factor must be a number", lambda p, v: p.client.set_speed(v)),
     },
     "seed": {
         "World.reset": ("a seed must be a whole number", lambda p, v: p.world.reset(v)),
@@ -125,10 +116,7 @@ ENTRANCES: dict[str, dict[str, tuple[str, Entrance]]] = {
     },
     "lamp": {
         "World.step": ("headlights of vehicle 'V1'", lambda p, v: p.world.step({"V1": Command(0.0, 0.0, v)})),
-        "Simulation.submit": (
-            LAMP,
-            lambda p, v: p.simulation.submit("V1", Command(0.0, 0.0, None, v)),
-        ),
+        "Simulation.submit": (LAMP, lambda p, v: p.simulation.submit("V1", Command(0.0, 0.0, None, v))),
         "Client.drive": ("headlights of vehicle 'V1'", lambda p, v: p.client.drive("V1", headlights=v)),
     },
     "ticks": {

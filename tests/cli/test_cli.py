@@ -24,7 +24,7 @@ import autodrive
 from autodrive.base.cache import PACKAGE
 from autodrive.base.png import decode_png
 from autodrive.cli import preview
-from tests.support.command_line import AUTODRIVE, Started, call, interrupted_when, python, refused
+from tests.support.command_line import AUTODRIVE, call, interrupted_when, python, refused
 from tests.support.scenes import needs_gl
 from tests.support.waiting import LIMIT
 
@@ -344,17 +344,6 @@ def test_a_run_with_a_duration_ends_and_writes_its_summary(tmp_path: Path) -> No
     assert (vehicle["mode"], vehicle["collisions"]) == ("autonomous", 0)
     assert vehicle["distance"] < 1e-3  # no driver: it stands, except for settling
     assert "200 ticks" in done.stdout
-
-
-@pytest.mark.process
-def test_a_signal_ends_a_run_cleanly_with_its_summary(tmp_path: Path) -> None:
-    """Here Ctrl-C; tests/hardening/test_bridge.py also has SIGTERM."""
-    run = Started(tmp_path, "run", "plane", "--headless", "--summary", str(tmp_path / "s.json"))
-    run.wait_for("press Ctrl-C to stop")
-    assert run.end(signal.SIGINT) == 0
-    summary = json.loads((tmp_path / "s.json").read_text())
-    assert summary["ended_by"] == "SIGINT"
-    assert "Traceback" not in run.messages.read_text()
 
 
 @pytest.mark.process

@@ -286,17 +286,6 @@ def test_without_a_writable_folder_the_start_works_with_one_line() -> None:
     assert "cannot be written" in line
 
 
-@pytest.mark.process
-def test_two_first_starts_at_once_share_one_cache(tmp_path: Path) -> None:
-    both = [start(NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
-    for process in both:
-        output, lines = ended(process)
-        assert output.startswith("(-0.25, 0.25)")
-        assert not lines
-    assert ended(start(NUMBA_CACHE_DIR=str(tmp_path))) == ("(-0.25, 0.25) []", [])
-    assert {path.suffix for path in tmp_path.rglob("*") if path.is_file()} == {".code"}
-
-
 COMPILES = """
 import sys
 from autodrive.base import jit

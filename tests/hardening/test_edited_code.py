@@ -190,9 +190,9 @@ def test_a_script_whose_modules_are_edited_during_its_campaign_drives_as_at_the_
             file.write_text(text.format(value))
 
     write(0.5)
-    one = loaded(tmp_path, driver=f"{command} {{port}}", metrics=["distance"], seeds=2)
+    campaign = loaded(tmp_path, driver=f"{command} {{port}}", metrics=["distance"], seeds=2)
     edit = After(lambda: write(1.0), rows=1)
-    outcome = run_campaign(one, tmp_path / "out", workers=0, observer=edit)
+    outcome = run_campaign(campaign, tmp_path / "out", workers=0, observer=edit)
     assert set(column(outcome, "error")) == {""}
     assert len(set(column(outcome, "distance"))) == 1
 
@@ -250,7 +250,7 @@ def test_a_race_drives_with_the_code_of_its_start_which_its_result_names(
     scripts = tuple(f"{way} {{port}} {edited}" for way in ways)
     options = RaceOptions(str(track), scripts=scripts, is_lockstep=True, has_page=False, output=tmp_path / "out")
     result = race(options, observer=Editing())
-    reasons = {one.vehicle: one.reason for one in result.standings}
+    reasons = {standing.vehicle: standing.reason for standing in result.standings}
     scripts_run = {"V1": "script.py", "V2": "team/driver.py", "V3": "other.py"}
     for name, file in scripts_run.items():
         assert reasons[name].startswith("the script ended with exit code 0: 0.2 ")
@@ -382,23 +382,23 @@ def test_results_of_another_campaign_are_replaced_only_if_that_is_said(tmp_path:
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "driver.py").write_text(driver("1"))
         campaigns.append(loaded(tmp_path / folder, seeds=2))
-    one, two = campaigns
-    table = run_campaign(one, tmp_path / "out", workers=0).table
+    first, second = campaigns
+    table = run_campaign(first, tmp_path / "out", workers=0).table
     before = table.read_bytes()
-    assert run_campaign(one, tmp_path / "out", workers=0).table.read_bytes() == before
+    assert run_campaign(first, tmp_path / "out", workers=0).table.read_bytes() == before
     with pytest.raises(AutodriveError, match="the results of another campaign"):
-        run_campaign(two, tmp_path / "out", workers=0)
+        run_campaign(second, tmp_path / "out", workers=0)
     assert table.read_bytes() == before
     (tmp_path / "out" / "parts").mkdir()
     table.replace(tmp_path / "out" / "parts" / "000001.parquet")
     (tmp_path / "out" / "summary.json").unlink()
     (tmp_path / "out" / "report.html").unlink()
-    command = ["campaign", str(two.path), "--workers", "0", "--output", tmp_path / "out"]
+    command = ["campaign", str(second.path), "--workers", "0", "--output", tmp_path / "out"]
     refused = call(*command)
     assert refused.returncode == 2
     assert "replace it with --force" in refused.stderr
     assert call(*command, "--overwrite").returncode == 0
-    assert len(column(run_campaign(two, tmp_path / "out", workers=0), "run")) == 2
+    assert len(column(run_campaign(second, tmp_path / "out", workers=0), "run")) == 2
 
 
 @pytest.mark.parametrize("harm", ["garbage", "locked", "other table", "wrong row", "folder", "read-only", "full"])

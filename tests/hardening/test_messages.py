@@ -168,7 +168,7 @@ def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> N
             connection.outbox.clear()
     assert min(outcomes[name] for name in ("used", "refused", "ended")) > 50
     commands = simulation.commands
-    assert all(-1.0 <= one.throttle <= 1.0 and -1.0 <= one.steering <= 1.0 for one in commands.values())
+    assert all(-1.0 <= command.throttle <= 1.0 and -1.0 <= command.steering <= 1.0 for command in commands.values())
     assert simulation.request_count <= 3 * (outcomes["ended"] + 1)  # one of each kind, for the one Frame, in a session
     for _ in range(100):
         one_world.step(commands)
@@ -297,13 +297,13 @@ def test_mutated_messages_of_native_clients(
 
             async def receive() -> dict[str, Any]:  # stays until it has its answer
                 while (event := await other.receive())["type"] == "websocket.disconnect":
-                    if any(b"Response" in one.get("bytes", b"") for one in other.sent):
+                    if any(b"Response" in event.get("bytes", b"") for event in other.sent):
                         break
                     await asyncio.sleep(0.01)
                 return event
 
             await asyncio.wait_for(hub.serve(scope, receive, other.send), 600.0)
-            messages = [one.get("bytes", b"") for one in other.sent]
+            messages = [event.get("bytes", b"") for event in other.sent]
             errors.extend(repr(message) for message in messages if b"Error" in message)
 
     with simulation:
@@ -314,6 +314,6 @@ def test_mutated_messages_of_native_clients(
     assert not simulation.error
     assert [path.name for path in tmp_path.iterdir()] == ["own"]
     assert all(path.suffix == ".yaml" and path.is_file() for path in (tmp_path / "own").iterdir())
-    assert not [one for one in caplog.records if one.exc_info or one.levelno >= logging.ERROR]
+    assert not [record for record in caplog.records if record.exc_info or record.levelno >= logging.ERROR]
     if cases(short=False, long=True):
         assert end < 1.05 * at_start[0]

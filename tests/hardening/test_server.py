@@ -24,7 +24,7 @@ from autodrive.connect.server.bridge_control import BridgeControl
 from autodrive.connect.server.connections import HttpProtocol
 from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
-from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.messages import AddBox, Collision, Frame, SetSpeed
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
@@ -275,13 +275,13 @@ def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_
         viewer.until("Frame")
         ids = [flood[0].begin("LoadScenario", name=scenario)]
         wait_until(lambda: loads)
-        ids += [one.begin("LoadScenario", name=name) for one, name in zip(flood[1:], scenarios, strict=True)]
+        ids += [client.begin("LoadScenario", name=name) for client, name in zip(flood[1:], scenarios, strict=True)]
         wait_until(lambda: len(received) == 5)
         first = viewer.until("Frame")["tick"]
         viewer.until(lambda message: message["type"] == "Frame" and message["tick"] >= first + 100)
         is_free.set()
-        for one, id in zip(flood, ids, strict=True):
-            assert one.answer(id)["type"] == "Response"
+        for client, id in zip(flood, ids, strict=True):
+            assert client.answer(id)["type"] == "Response"
     assert loads == [scenario, received[-1].name]
     assert simulation.world.spec.map == {"two_cars": "plane"}.get(loads[-1], loads[-1])
 
@@ -494,7 +494,7 @@ def test_clients_that_do_not_read_lock_nobody_out(
         for _ in range(3):
             stack.enter_context(_deaf_client(server))
         wait_until(lambda: server.clients == 3)
-        wait_until(lambda: all(server.hub.now() - one.waits_since > 0.1 for one in set(server.hub.clients)))
+        wait_until(lambda: all(server.hub.now() - client.waits_since > 0.1 for client in set(server.hub.clients)))
         with native_client(server) as client:
             assert client.receive()["type"] == "Welcome"
             assert client.until("Frame")
@@ -539,7 +539,7 @@ def test_a_wrong_frame_ends_its_connection_without_a_traceback_in_the_log(
             peer.sendall(data)
             while peer.recv(65536):
                 pass
-    assert not [one for one in caplog.records if one.name.startswith(("uvicorn", "asyncio"))]
+    assert not [record for record in caplog.records if record.name.startswith(("uvicorn", "asyncio"))]
 
 
 # -- HTTP ----------------------------------------------------------------------------------------------------------
@@ -565,8 +565,8 @@ def test_idle_connections_do_not_block_new_ones(server: SimulationServer) -> Non
         with native_client(server) as client:
             assert client.receive()["type"] == "Welcome"
     finally:
-        for one in idle:
-            one.close()
+        for peer in idle:
+            peer.close()
 
 
 def test_downloads_that_nobody_reads_lock_nobody_out(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -579,7 +579,12 @@ def test_downloads_that_nobody_reads_lock_nobody_out(server: SimulationServer, m
             peer.sendall(300 * b"GET /scene/map.glb HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         assert server.web_server
         state = server.web_server.server_state
-        wait_until(lambda: sum(not one.is_idle for one in set(state.connections) if isinstance(one, HttpProtocol)) == 5)
+        wait_until(
+            lambda: (
+                sum(not protocol.is_idle for protocol in set(state.connections) if isinstance(protocol, HttpProtocol))
+                == 5
+            )
+        )
         assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")
 
 
@@ -652,33 +657,6 @@ def test_the_server_closes_while_a_client_neither_reads_nor_leaves(
 
 
 # -- inside --------------------------------------------------------------------------------------------------------
-
-
-def test_frames_go_on_where_scene_cameras_cannot_start(caplog: pytest.LogCaptureFixture) -> None:
-    made = []
-
-    def factory(world: World) -> Any:
-        made.append(world)
-        if len(made) > 1:
-            raise OSError("no more processes")
-        return scene_renderer_factory()(world)
-
-    simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
-    scenarios = {"two_cars": "Two cars"}
-    with (
-        SimulationServer(
-            Served(simulation, scene_files, scenarios=scenarios, renderer_factory=factory),
-            PageOptions(port=free_port()),
-        ) as server,
-        simulation,
-        native_client(server) as client,
-    ):
-        client.until("Frame")
-        client.ask("SetCamera", camera="Bird's Eye", width=64)
-        assert client.ask("LoadScenario", name="two_cars")["type"] == "Response"
-        client.until(lambda message: message["type"] == "Frame" and "V2" in message["vehicles"])
-        simulation.stop()
-    assert "no more processes" in caplog.text
 
 
 def test_events_that_wait_for_the_server_are_bounded(simulation: Simulation) -> None:

@@ -84,9 +84,9 @@ def wrong(saved: Snapshot) -> dict[str, Any]:
 
 def test_what_is_no_snapshot_is_refused_and_nothing_has_changed() -> None:
     world, other = driven(), driven()
-    for one in wrong(world.save()).values():
+    for saved in wrong(world.save()).values():
         with pytest.raises(SnapshotError):
-            world.restore(one)
+            world.restore(saved)
     assert digests(world, 30, drive) == digests(other, 30, drive)
 
 

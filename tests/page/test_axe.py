@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from autodrive.protocol.messages import EditMap, MapModule, Pause
+from autodrive.protocol.messages import EditMap, MapModule
 from autodrive.recording.replay import Replay
 from tests.page.test_replay import drive, replay
 from tests.page.test_screens import SHOW_CARDS
@@ -97,55 +97,3 @@ def test_a_lost_server_is_named_in_a_whole_sentence_and_what_is_shown_is_marked_
     assert "grayscale" in tab.page.locator("#scene").evaluate("(scene) => getComputedStyle(scene).filter")
     assert tab.page.locator("#scene").bounding_box() == {"x": 0, "y": 0, "width": 1280, "height": 720}
     check(tab, axe, "lost")
-
-
-def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
-    for size in ((1280, 720), (390, 844)):
-        tab.page.set_viewport_size({"width": size[0], "height": size[1]})
-        tab.page.keyboard.press("?")
-        tab.get("help-dialog").wait_for(state="visible")
-        too_wide = tab.page.evaluate(
-            """() => [...document.querySelectorAll('.help-body dt')].filter((dt) => {
-                const right = Math.max(...[...dt.children].map((cap) => cap.getBoundingClientRect().right))
-                return right > dt.nextElementSibling.getBoundingClientRect().left
-            }).map((dt) => dt.textContent)"""
-        )
-        assert too_wide == []
-        lefts = "() => [...document.querySelectorAll('.help-body dd')].map((dd) => dd.getBoundingClientRect().left)"
-        assert len(set(tab.page.evaluate(lefts))) == (2 if size[0] > 640 else 1), "columns"
-        tab.page.keyboard.press("?")
-        tab.get("help-dialog").wait_for(state="hidden")
-
-
-def test_a_key_that_a_closed_dialog_gets_opens_the_help(plane: PageServer, tab: Tab) -> None:
-    """Until the next image the focus may be in a dialog that was closed."""
-    tab.get("help-close").evaluate(
-        "(button) => button.dispatchEvent(new KeyboardEvent('keydown', { key: '?', bubbles: true }))"
-    )
-    tab.get("help-dialog").wait_for(state="visible")
-    tab.page.keyboard.press("?")
-    tab.get("help-dialog").wait_for(state="hidden")
-
-
-def test_keys_zoom_and_turn_the_camera_and_describe_the_scene(plane: PageServer, tab: Tab) -> None:
-    plane.request(Pause())
-    keyboard = tab.page.keyboard
-    for _ in range(3):
-        keyboard.press("=")
-    assert tab.value('store.lensZoom.value["Driver\'s Eye"]') == pytest.approx(1.331)
-    keyboard.press("-")
-    assert tab.value('store.lensZoom.value["Driver\'s Eye"]') == pytest.approx(1.21)
-    keyboard.press("Shift+ArrowRight")
-    tab.wait_until(lambda: tab.value("store.camera.value") == "Orbit" and tab.value("store.orbit.value"))
-    before = tab.value("store.orbit.value")
-    for key in ("ArrowRight", "ArrowRight", "ArrowUp"):
-        keyboard.press(f"Shift+{key}")
-    after = tab.value("store.orbit.value")
-    assert after["azimuth"] == pytest.approx(before["azimuth"] + 0.1745, abs=0.01)
-    assert after["elevation"] == pytest.approx(before["elevation"] + 0.0873, abs=0.01)
-    assert tab.text("description") == ""
-    keyboard.press("y")
-    tab.wait_for_text("description", "V1 stands at x 0.00 m, y 0.00 m, heading 0 degrees; on the road; ")
-    keyboard.press("y")
-    tab.wait_until(lambda: tab.text("description") == "")
-    tab.page.evaluate('() => { autodrive.store.lensZoom.value = { "Driver\'s Eye": 1, "God\'s Eye": 1 } }')

@@ -78,7 +78,7 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     for number in (2, 3, 4):
         building.wait_until(lambda: building.get("build-set").is_enabled())
         press(building, "Enter")
-        wait_for_parts(building, *(f"curved_road_{one}" for one in range(1, number + 1)))
+        wait_for_parts(building, *(f"curved_road_{k}" for k in range(1, number + 1)))
     assert problems(building) == []
     assert building.get("build").get_by_text("No problems").is_visible()
     building.wait_until(lambda: building.get("build-set").is_disabled())  # the road is closed: nothing is in hand
@@ -97,7 +97,7 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     building.wait_until(lambda: len(parts(building)) == 11)
     building.get("build-file").set_input_files(file)
     building.click("discard-dialog-discard")  # the oval is not saved
-    wait_for_parts(building, *(f"curved_road_{one}" for one in range(1, 5)))
+    wait_for_parts(building, *(f"curved_road_{k}" for k in range(1, 5)))
     assert load_map(file).drivable.equals(plane.simulation.world.map.drivable)
     building.click("build-save")
     building.click("save-map-scenario")
@@ -106,7 +106,7 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     scenario = tmp_path / "scenario.yaml"
     download.value.save_as(scenario)
     world = autodrive.make(scenario)
-    assert [one.name for one in world.map.modules] == [f"curved_road_{number}" for number in (1, 2, 3, 4)]
+    assert [module.name for module in world.map.modules] == [f"curved_road_{number}" for number in (1, 2, 3, 4)]
     assert read("map", file, MapSpec).title == "My ring"
 
 

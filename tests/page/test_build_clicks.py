@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from autodrive import Client
-from autodrive.protocol.messages import Frame, Pause
+from autodrive.protocol.messages import Pause
 from autodrive.scenario.maps.map import load_map
 from tests.page.test_build import opened, parts, press
 from tests.page.test_edit import on_screen
@@ -63,7 +62,7 @@ def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: Page
     assert tab.page.evaluate("() => window.clicks") <= 25
     built = plane.simulation.world.map
     # the plane is paved; poses are rounded to 1 um, the edges of the roads are 40 m long
-    roads = shapely.union_all([one.drivable for one in built.modules], grid_size=1e-6)
+    roads = shapely.union_all([module.drivable for module in built.modules], grid_size=1e-6)
     shipped = shapely.transform(load_map("figure_eight").drivable, lambda points: np.add(points, (x, y)))
     assert shapely.symmetric_difference(roads, shipped).area < 1e-4
     assert all(lane.successors for lane in built.lane_graph.lanes)
@@ -116,35 +115,3 @@ def test_a_loop_is_built_changed_and_driven_on_with_keys_only(plane: PageServer,
     tab.page.keyboard.down("w")
     tab.wait_until(lambda: np.hypot(*(plane.vehicle.pose.position[:2] - (x, y))) > 0.05)
     tab.page.keyboard.up("w")
-
-
-def test_a_vehicle_drives_while_it_is_built_and_its_road_is_removed(mini_map: PageServer, new_tab: NewTab) -> None:
-    tab = new_tab(size=(1000, 640)).open(f"{mini_map.url}?quality=low")
-    tab.click("build-button")
-    tab.wait_until(lambda: tab.get("build-bar").is_visible())
-    outside = tab.get("build-problems").locator("li[data-kind=outside]")
-
-    def drive(throttle: float, is_done: Callable[[Frame], bool]) -> Frame:
-        """Drive as a script of the user does, until then; the frame."""
-        while not is_done(frame := client.frame):
-            client.drive("V1", throttle=throttle)
-            tab.page.wait_for_timeout(20)
-        return frame
-
-    def x(frame: Frame) -> float:
-        return float(frame.vehicles["V1"].pose.position[0])
-
-    with Client(f"127.0.0.1:{mini_map.server.port}") as client:
-        client.set_driving_mode("V1", True)
-        drive(0.3, lambda frame: x(frame) > 0.1)
-        assert outside.count() == 0
-        edited = client.edit_map({"straight_road_2": None, "parking_lot_3": None})  # of x from -0.3 to 1.7
-        drive(0.3, lambda frame: x(frame) > x(edited) + 0.1)  # it drives on, over the lawn
-        drive(0.0, lambda frame: abs(frame.vehicles["V1"].velocity[0]) < 1e-3)
-        tab.wait_until(lambda: outside.count() == 1)
-        assert "'V1' stands beside the drivable area" in tab.text("build-problems")
-        outside.get_by_text("Show me").click()
-        shown = [500.0, 320.0]
-        tab.wait_until(lambda: on_screen(tab, x(client.frame), 0.0) == pytest.approx(shown, abs=40))
-        client.undo()
-        tab.wait_until(lambda: outside.count() == 0)

@@ -70,31 +70,6 @@ def test_a_vehicle_is_dragged_and_turned_and_the_edits_are_undone(plane: PageSer
     editing.wait_until(lambda: plane.vehicle.pose.position[0] > 0.45)
 
 
-def test_a_box_is_added_and_hit_and_another_viewer_sees_it(plane: PageServer, editing: Tab, new_tab: NewTab) -> None:
-    viewer = new_tab().open(plane.url + "?quality=low")
-    editing.get("edit-selection").select_option("V1")
-    editing.click("edit-add")
-    viewer.wait_until(lambda: viewer.value("'box_1' in store.frame.value.objects"))
-    editing.wait_until(lambda: editing.get("edit-selection").input_value() == "box_1")
-    for name, value in (("edit-x", "0.6"), ("edit-y", "0")):
-        editing.get(name).fill(value)
-        editing.page.keyboard.press("Enter")
-        editing.wait_until(lambda: editing.value("store.preview.value") is None)
-    editing.wait_until(lambda: plane.frame.objects["box_1"].pose.position[0] == pytest.approx(0.6, abs=1e-3))
-    editing.click("edit-done")
-    editing.page.evaluate("() => document.activeElement?.blur()")
-    editing.page.keyboard.down("w")
-    editing.wait_until(lambda: plane.vehicle.collision_count == 1)
-    editing.wait_until(lambda: plane.frame.objects["box_1"].pose.position[0] > 0.62)
-    editing.page.keyboard.up("w")
-    editing.wait_for_notice("V1 hit box_1")
-    editing.page.keyboard.press("j")
-    editing.get("edit-selection").select_option("box_1")
-    editing.get("edit-selection").blur()
-    editing.page.keyboard.press("Delete")
-    viewer.wait_until(lambda: viewer.value("!('box_1' in store.frame.value.objects)"))
-
-
 def test_the_saved_file_passes_the_check_and_starts_as_the_edited_scenario(
     plane: PageServer, editing: Tab, tmp_path: Path
 ) -> None:

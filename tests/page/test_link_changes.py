@@ -66,7 +66,7 @@ def test_the_page_asks_once_before_a_link_changes_the_simulator(
     else:
         tab.wait_until(lambda: "own_map" not in tab.page.url and "weather" not in tab.page.url)
         assert state(plane) == before
-    assert tab.get("link-changes").count() == 0  # one question for all
+    tab.wait_until(lambda: tab.get("link-changes").count() == 0)  # one question for all
     tab.page.reload()  # the link shows the state of the simulator: nothing to ask
     tab.wait_until(lambda: tab.value("store.link.value === 'open' && !!store.frame.value"))
     tab.page.wait_for_timeout(300)

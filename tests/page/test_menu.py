@@ -31,21 +31,6 @@ def test_simulator_controls(plane: PageServer, tab: Tab) -> None:
     tab.wait_until(lambda: tab.value("store.frame.value.vehicles.V1.pose.position[0]") < 0.05)
 
 
-def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.get("scenario").select_option("two_cars")
-    tab.wait_until(lambda: tab.value("store.scene.value.scenario") == "two_cars")
-    tab.wait_until(lambda: tab.get("scenario").is_enabled())
-    tab.get("vehicle").select_option("V2")
-    tab.get("vehicle").blur()
-    tab.page.keyboard.down("w")
-    tab.wait_until(lambda: plane.frame.vehicles["V2"].speed > 0.02)
-    tab.page.keyboard.up("w")
-    assert plane.frame.vehicles["V1"].throttle == 0
-    tab.page.keyboard.press("v")
-    tab.wait_until(lambda: tab.get("vehicle").input_value() == "V1")
-
-
 def test_the_page_shows_the_lines_that_the_command_prints(tab: Tab, plane: PageServer) -> None:
     printed = call("weather", "rain=0.6", "time=18:30").stdout.rstrip("\n")
     assert "stops from 8 m/s" in printed

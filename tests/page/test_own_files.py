@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -12,14 +11,11 @@ import shapely
 
 from autodrive import Command
 from autodrive.base.png import encode_png
-from autodrive.protocol.messages import EditTrack, GenerateTrack, Pause, Step, TrackLine
+from autodrive.protocol.messages import Pause, Step
 from autodrive.scenario.tracks.importer import export_track
 from autodrive.scenario.tracks.track import Track
-from tests.page.test_track_builder import OVAL, line, opened
+from tests.page.test_track_builder import opened
 from tests.support.page import NewTab, PageServer, Tab
-
-if TYPE_CHECKING:
-    pass
 
 DROP = """files => {
     const data = new DataTransfer()
@@ -27,12 +23,6 @@ DROP = """files => {
         data.items.add(new File([Uint8Array.from(atob(text), one => one.charCodeAt(0))], name))
     window.dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }))
 }"""
-
-
-def track_line(track: TrackLine) -> dict[str, Any]:
-    """As the page has it."""
-    points = [[round(x, 3), round(y, 3)] for x, y in track.points]
-    return {"points": points, "width": track.width, "barrier": track.barrier}
 
 
 def drop(tab: Tab, *files: tuple[str, bytes]) -> None:
@@ -73,7 +63,7 @@ def test_a_dropped_map_of_map_server_becomes_a_track(plane: PageServer, new_tab:
     track = track_of(plane)
     assert track is not None
     assert track.length == pytest.approx(given.length, rel=0.02)
-    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in one.walls]) for one in (track, given)]
+    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in each.walls]) for each in (track, given)]
     assert shapely.hausdorff_distance(*lines, densify=0.02) < 0.05  # a pixel
     tab.get("picture").wait_for(state="detached")
     tab.wait_until(lambda: tab.value("store.scene.value.track_scene?.is_exact") is False)
@@ -132,45 +122,3 @@ def folder(plane: PageServer) -> Path:
     for path in plane.folder.iterdir():
         path.unlink()
     return plane.folder
-
-
-def test_a_track_is_saved_in_the_folder_opened_from_it_and_replaced_after_a_question(
-    plane: PageServer, new_tab: NewTab, folder: Path
-) -> None:
-    plane.request(EditTrack(OVAL))
-    plane.request(Pause())
-    tab = opened(plane, new_tab)
-    tab.wait_until(lambda: line(tab) is not None)
-    assert not tab.get("build-own").is_visible()
-
-    def save(name: str) -> None:
-        tab.click("build-save")
-        tab.get("save-title").fill("My oval")
-        tab.get("save-name").fill(name)
-        tab.click("save-map-folder")
-
-    save("my oval")
-    tab.wait_until((folder / "my oval.yaml").is_file)
-    assert Track.load(folder / "my oval.yaml").title == "My oval"
-    assert tab.value("store.hasUnsavedEdits.value") is False
-    save("../outside")  # the name of a file, not a path
-    tab.wait_until((folder / "outside.yaml").is_file)
-    assert not (folder.parent / "outside.yaml").exists()
-    plane.request(GenerateTrack(3))
-    tab.wait_until(lambda: line(tab) != track_line(OVAL))
-    before = (folder / "my oval.yaml").read_text()
-    save("my oval")
-    tab.get("replace-dialog").wait_for()
-    tab.click("replace-dialog-cancel")
-    assert (folder / "my oval.yaml").read_text() == before
-    own = tab.get("build-own")
-    tab.wait_until(lambda: own.locator("option").all_inner_texts()[1:] == ["My oval (track)", "My oval (track)"])
-    own.select_option("my oval.yaml")
-    tab.get("discard-dialog").wait_for()  # the random track is not saved
-    tab.click("discard-dialog-discard")
-    tab.wait_until(lambda: line(tab) == track_line(OVAL))
-    plane.request(GenerateTrack(3))
-    tab.wait_until(lambda: line(tab) != track_line(OVAL))
-    save("my oval")
-    tab.click("replace-dialog-replace")
-    tab.wait_until(lambda: (folder / "my oval.yaml").read_text() != before)

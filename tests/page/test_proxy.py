@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import re
 import shutil
 import subprocess
@@ -13,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from tests.support.page import ROOT, NewTab, PageServer
-from tests.support.proxy import proxy
 from tests.support.waiting import free_port, wait_until
 
 SETTINGS = re.search(r"```nginx\n(.*?)```", (ROOT / "docs" / "proxy.md").read_text(), re.DOTALL)
@@ -81,21 +79,6 @@ def test_a_proxy_that_passes_no_websockets_is_named(nginx: Nginx, new_tab: NewTa
     tab.wait_for_text("banner", "the proxy in between does not pass WebSockets")
 
 
-def test_the_refusal_of_the_simulator_is_shown_and_logged(
-    nginx: Nginx, new_tab: NewTab, caplog: pytest.LogCaptureFixture
-) -> None:
-    tab = new_tab(size=(320, 240), expects="40")
-    with caplog.at_level(logging.WARNING):
-        address = nginx(settings("Host"))
-        tab.page.goto(address + "?quality=low")
-        origin = address.removesuffix("/sim/")
-        tab.wait_for_text("banner", f"Pages of the origin '{origin}' are not allowed; --allow-origin allows it")
-        tab.page.wait_for_timeout(1000)  # the page tries again
-    logged = [record.getMessage() for record in caplog.records if "a request was refused" in record.getMessage()]
-    assert len(logged) == 1, logged
-    assert origin in logged[0]
-
-
 def test_a_proxy_without_a_simulator_is_named(nginx: Nginx, new_tab: NewTab) -> None:
     location = settings()
     broken = f"location /sim/ws {{ return 502; }}\n{location}"
@@ -109,23 +92,6 @@ def test_an_address_without_a_slash_shows_what_is_wrong(nginx: Nginx, new_tab: N
     address = nginx("location = /sim { proxy_pass http://127.0.0.1:8730/; }").removesuffix("/")
     tab.page.goto(address)
     assert "check that the address ends with /" in " ".join(tab.page.inner_text("body").split())
-
-
-def test_the_token_of_an_earlier_start_is_refused_with_the_text_of_the_simulator(
-    plane: PageServer, new_tab: NewTab
-) -> None:
-    with (
-        plane.with_token("the-first-token-1") as first,
-        plane.with_token("the-second-token") as second,
-        proxy(first.port) as between,
-    ):
-        tab = new_tab(size=(320, 240)).open(f"{between.url}?token=the-first-token-1&quality=low")
-        tab.page.wait_for_load_state("networkidle")  # the files of the scene, too
-        between.port = second.port
-        between.is_cut = True
-        between.is_cut = False
-        tab.wait_for_text("banner", "This simulator needs its token")
-        tab.errors.clear()  # of the refused connections
 
 
 def test_parts_of_the_page_that_cannot_be_loaded_ask_for_a_reload(plane: PageServer, new_tab: NewTab) -> None:

@@ -105,7 +105,7 @@ def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: Pa
     with recording.open(path) as opened:
         assert opened.duration > 0.2
         assert opened.frame_at(opened.end).vehicles["V1"].pose.position[0] == pytest.approx(0.5, abs=0.05)
-        assert [type(one.request).__name__ for _, one in opened.requests] == ["Teleport"]
+        assert [type(note.request).__name__ for _, note in opened.requests] == ["Teleport"]
     tab.get("recording-keep").select_option("30")
     tab.click("record")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "keeping")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import runpy
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,13 @@ import pytest
 
 import autodrive
 from autodrive import Command
-from autodrive.protocol.messages import LapCompleted, Pause, TrackLine
+from autodrive.protocol.messages import LapCompleted, Pause
 from autodrive.scenario.scenario import ScenarioSpec, VehiclePlacement
 from tests.page.test_edit import drag, on_screen
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "racing"
-OVAL = TrackLine(tuple((5.0 * math.cos(a), 3.0 * math.sin(a)) for a in np.arange(8) * math.pi / 4))
 
 
 def line(tab: Tab) -> dict[str, Any]:

@@ -89,12 +89,12 @@ def throw(world: World, rng: np.random.Generator) -> None:
     place(c.model, c.state, c.views)
 
 
-def assert_same(one: World, other: World, where: Any) -> None:
+def assert_same(world: World, other: World, where: Any) -> None:
     """The same bits of all numbers of the State, and the same events with the same impulses."""
-    for name, column, its in zip(one.compiled.state._fields, one.compiled.state, other.compiled.state, strict=True):
+    for name, column, its in zip(world.compiled.state._fields, world.compiled.state, other.compiled.state, strict=True):
         np.testing.assert_array_equal(column, its, err_msg=f"{name}, {where}")
     events = [
-        [(type(e), getattr(e, "other", ""), getattr(e, "impulse", 0.0)) for e in w.frame.events] for w in (one, other)
+        [(type(e), getattr(e, "other", ""), getattr(e, "impulse", 0.0)) for e in w.frame.events] for w in (world, other)
     ]
     assert events[0] == events[1], where
 
@@ -227,7 +227,7 @@ def test_no_place_has_more_shapes_within_reach_than_there_are_slots(seed: int, c
     most = most_within(shapes, radius)
     rng = np.random.default_rng(seed)
     for x, y in (*rng.uniform(-6.0, 6.0, (20, 2)), *shapes.position[:20, :2]):
-        assert sum(one <= radius for one in distances(shapes, count, x, y, 0.2)) <= most
+        assert sum(distance <= radius for distance in distances(shapes, count, x, y, 0.2)) <= most
     assert most <= count
 
 

@@ -48,8 +48,8 @@ def test_frames_with_readings_come_back_bit_by_bit(drive: tuple[Path, list[Frame
 def test_readings_are_signals_and_columns_of_a_table(drive: tuple[Path, list[Frame]]) -> None:
     path, frames = drive
     with open_recording(path) as recording:
-        radar = {id(one): one for one in (frame.vehicles["V1"].own["radar"] for frame in frames)}.values()
-        np.testing.assert_array_equal(recording["V1/own/radar"], [one.values for one in radar])
+        radar = {id(reading): reading for reading in (frame.vehicles["V1"].own["radar"] for frame in frames)}.values()
+        np.testing.assert_array_equal(recording["V1/own/radar"], [reading.values for reading in radar])
         assert len(recording.signals.times("V1/own/radar")) == len(radar)
         signal = recording.signals.described["V1/own/radar"]
         assert (signal.elements, signal.unit) == (("distance", "speed", "sample"), "")

@@ -58,8 +58,8 @@ def test_the_bits_are_those_of_the_map_in_a_file(name: str, tmp_path: Path) -> N
     file.write_text(with_own_map(find("map", name).read_text()))
     worlds = [autodrive.make(ScenarioSpec(map=name), 3), autodrive.make(file, 3)]
     assert worlds[0].map.bounds == worlds[1].map.bounds
-    one, other = (digests(world, 100, drive) for world in worlds)
-    assert one == other
+    first, other = (digests(world, 100, drive) for world in worlds)
+    assert first == other
 
 
 def test_edits_keep_the_map_and_the_bits(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_the_errors_are_those_of_the_file_with_the_line_of_the_scenario(
     of_file, of_scenario = errors
     assert f"(line {line})" in str(of_scenario)
     assert f"(line {line - 2})" in str(of_file)  # the map begins in the third line of the scenario
-    assert [one.rpartition(": ")[2] for one in of_scenario] == [one.rpartition(": ")[2] for one in of_file]
+    assert [text.rpartition(": ")[2] for text in of_scenario] == [text.rpartition(": ")[2] for text in of_file]
 
 
 def test_a_wrong_value_of_another_type_has_the_same_message_as_ever(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_campaign_changes_its_fields(street: Path) -> None:
     (street.parent / "campaign.yaml").write_text(yaml.safe_dump(tree))
     campaign = Campaign.load(street.parent / "campaign.yaml")
     results = [*map(Runner(campaign).run, map(campaign.run, range(2)))]
-    assert [one.error for one in results] == ["", ""]
+    assert [result.error for result in results] == ["", ""]
     assert results[0].metrics["distance"] > 1.5 * results[1].metrics["distance"]
 
 

@@ -108,7 +108,7 @@ def test_problems_are_joined_with_the_lines_of_their_places(folder: Path) -> Non
     descriptions = read_scenario(folder / "scenario.yaml")
     with pytest.raises(SpecProblems) as caught:
         compile_specs(descriptions.specs)
-    assert [one.partition(":")[0] for one in joined(caught.value.problems, {})] == ["removed_boxes", "boxes.V1"]
+    assert [problem.partition(":")[0] for problem in joined(caught.value.problems, {})] == ["removed_boxes", "boxes.V1"]
     line = len(text.splitlines()) + 1
-    places = [one.partition(":")[0] for one in joined(caught.value.problems, descriptions.lines)]
+    places = [problem.partition(":")[0] for problem in joined(caught.value.problems, descriptions.lines)]
     assert places == [f"removed_boxes (line {line})", f"boxes.V1 (line {line + 2})"]

@@ -169,9 +169,9 @@ def test_a_car_follows_line_and_circle_and_steers_as_the_bicycle_model() -> None
             angles.append(abs(frame.vehicles["traffic_1"].steering))
     assert max(errors) < 0.02
     radius = {0.55: "inner", 0.85: "outer"}
-    expected = [math.asin(WHEELBASE / one) for one in radius]
+    expected = [math.asin(WHEELBASE / r) for r in radius]
     turning = np.median([angle for angle in angles if angle > 0.1])
-    assert min(abs(turning - one) / one for one in expected) < 0.05  # slip of the tyres
+    assert min(abs(turning - r) / r for r in expected) < 0.05  # slip of the tyres
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -323,7 +323,7 @@ def test_the_car_of_the_user_has_the_bits_that_it_has_alone() -> None:
 
 def test_traffic_is_marked_and_obeys_no_commands() -> None:
     world = world_of(cars=2)
-    assert [one.is_traffic for one in world.frame.vehicles.values()] == [False, True, True]
+    assert [vehicle.is_traffic for vehicle in world.frame.vehicles.values()] == [False, True, True]
     with pytest.raises(CommandError, match=r"'traffic_2' belongs to the traffic and drives itself; command V1"):
         world.step({"traffic_2": Command()})
     with pytest.raises(CommandError, match="drives itself"):
@@ -336,7 +336,7 @@ def test_headlights_of_the_traffic_are_on_by_night() -> None:
     world = world_of("oval", cars=2)
 
     def headlights() -> list[Headlights]:
-        return [one.lights.headlights for one in world.frame.vehicles.values()]
+        return [vehicle.lights.headlights for vehicle in world.frame.vehicles.values()]
 
     assert headlights() == [Headlights.OFF] * 3
     world.set_scene_light(False)
@@ -431,7 +431,7 @@ def test_traffic_that_is_not_possible_is_an_error(fields: dict[str, Any], text: 
 
 def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:
     ends = [{"module": "dead_end", "x": -0.3, "yaw_deg": 180.0}, {"module": "dead_end", "x": 0.3}]
-    ends = [{"y": 0.0} | one for one in ends]
+    ends = [{"y": 0.0} | end for end in ends]
     street = MapSpec.model_validate({"title": "Street", "placements": ends})
     with pytest.raises(SpecError, match="has no closed way of lanes; the traffic has 1 cars"):
         make(map=street, traffic={"cars": 1})

@@ -52,7 +52,7 @@ def test_tiny_town_shows_what_its_program_says_for_two_cycles() -> None:
         assert list(lights) == NAMES
         assert lights[EAST_WEST].state is lights[NAMES[2]].state is expected(time, 0.0)
         assert lights[NORTH_SOUTH].state is lights[NAMES[3]].state is expected(time, 11.0)
-        assert {one.mode for one in lights.values()} == {"program"}
+        assert {light.mode for light in lights.values()} == {"program"}
         frame = world.step()
 
 
@@ -98,8 +98,8 @@ def test_an_offset_shifts_a_program_in_time() -> None:
 def test_lights_flash_yellow_at_night_if_there_is_a_time_of_day() -> None:
     world = town(time_of_day="23:30")
     states = [world.step().traffic_lights[EAST_WEST] for _ in range(200)]
-    assert {one.mode for one in states} == {"flashing"}
-    assert [one.state for one in states] == [YELLOW if (tick // 50) % 2 == 0 else OFF for tick in range(1, 201)]
+    assert {light.mode for light in states} == {"flashing"}
+    assert [light.state for light in states] == [YELLOW if (tick // 50) % 2 == 0 else OFF for tick in range(1, 201)]
     assert states[0].time_to_change == pytest.approx(0.49)
     world.set_time_of_day(3600.0 * 12)
     assert world.frame.traffic_lights[EAST_WEST].mode == "program"
@@ -123,10 +123,12 @@ def test_a_request_overrides_a_program_until_it_is_withdrawn_or_the_world_is_res
 
 
 def test_a_scenario_changes_and_removes_programs_of_its_map() -> None:
-    assert {one.mode for one in town(light_programs={"intersection": None}).frame.traffic_lights.values()} == {"off"}
+    assert {light.mode for light in town(light_programs={"intersection": None}).frame.traffic_lights.values()} == {
+        "off"
+    }
     program = {"groups": {"all": [NAMES[0]]}, "phases": [{"green": ["all"], "duration": 1}]}
     lights = town(light_programs={"intersection": program}).frame.traffic_lights
-    assert [(one.state, one.mode) for one in lights.values()] == [(GREEN, "program"), *[(OFF, "off")] * 3]
+    assert [(light.state, light.mode) for light in lights.values()] == [(GREEN, "program"), *[(OFF, "off")] * 3]
     with pytest.raises(SpecError, match=r"light_programs.other: light 'traffic_light_1' is also in the program"):
         town(light_programs={"other": program})
     program = {"groups": {"all": ["traffic_light_9"]}, "phases": [{"green": ["all"], "duration": 1}]}
@@ -182,7 +184,7 @@ def test_a_car_must_stop_within_its_length_before_the_line_of_a_stop_sign(
     stops_at: float | None, is_event: bool
 ) -> None:
     """Out of the parking lot of Tiny Town; the stop is made with the front so far before the line [m]."""
-    (line,) = (one for one in load_map("tiny_town").stop_lines if one.kind == "stop")
+    (line,) = (line for line in load_map("tiny_town").stop_lines if line.kind == "stop")
     x, y, yaw = line.pose
 
     def at(before: float) -> tuple[float, float, float]:
@@ -224,6 +226,6 @@ def test_each_light_of_the_crossing_stands_for_the_line_of_the_arm_that_sees_it(
     drive = dict.fromkeys(world.frame.vehicles, Command(1.0, 0.0))
     events = [event for _ in range(400) for event in world.step(drive).events if isinstance(event, RedLight)]
     # green begins for the cars on the x axis, which cross their lines meanwhile
-    assert {(one.vehicle, one.light) for one in events} == {("V2", "traffic_light_2"), ("V4", "traffic_light_4")}
+    assert {(event.vehicle, event.light) for event in events} == {("V2", "traffic_light_2"), ("V4", "traffic_light_4")}
     # the others have crossed, too
-    assert all(abs(one.pose.position[:2]).max() < 0.97 + NOSE for one in world.frame.vehicles.values())
+    assert all(abs(vehicle.pose.position[:2]).max() < 0.97 + NOSE for vehicle in world.frame.vehicles.values())

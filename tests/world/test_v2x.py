@@ -45,7 +45,7 @@ def messages(world: World, ticks: int) -> list[HeardVehicle]:
 
 
 def test_without_a_channel_nothing_is_heard() -> None:
-    assert {one.v2x for one in autodrive.make("two_cars").step().vehicles.values()} == {None}
+    assert {vehicle.v2x for vehicle in autodrive.make("two_cars").step().vehicles.values()} == {None}
 
 
 def test_an_ideal_channel_says_what_the_other_is_in_the_same_frame() -> None:
@@ -92,15 +92,17 @@ def test_a_message_arrives_after_the_delay_and_says_what_was_when_it_was_sent() 
 
 def test_range_is_the_distance_between_sender_and_receiver() -> None:
     world = town(cars=4, range=2.0, gap=0.999)
-    reading = [one.v2x for one in world.step().vehicles.values()]
-    assert [list(one.vehicles) for one in reading if one] == [
+    reading = [vehicle.v2x for vehicle in world.step().vehicles.values()]
+    assert [list(heard.vehicles) for heard in reading if heard] == [
         ["V2", "V3"],
         ["V1", "V3", "V4"],
         ["V1", "V2", "V4"],
         ["V2", "V3"],
     ]
     assert [
-        len(one.v2x.vehicles) for one in town(cars=4, range=2.0, gap=1.001).step().vehicles.values() if one.v2x
+        len(vehicle.v2x.vehicles)
+        for vehicle in town(cars=4, range=2.0, gap=1.001).step().vehicles.values()
+        if vehicle.v2x
     ] == [
         1,
         2,

@@ -102,12 +102,12 @@ def test_wrong_weather_is_refused() -> None:
 
 
 def test_same_weather_and_seed_have_the_same_bits() -> None:
-    one, same, other = (autodrive.make(scenario(map="mini_map", weather={"fog": 0.8}), seed) for seed in (1, 1, 2))
-    reference = drive(one)
+    world, same, other = (autodrive.make(scenario(map="mini_map", weather={"fog": 0.8}), seed) for seed in (1, 1, 2))
+    reference = drive(world)
     assert drive(same) == reference
     assert drive(other) != reference
-    one.reset()
-    assert drive(one) == reference
+    world.reset()
+    assert drive(world) == reference
 
 
 def test_the_lidar_of_a_world_that_continues_another_one_sees_its_weather() -> None:
@@ -156,10 +156,10 @@ def test_ips_imu_and_encoders_do_not_see_the_weather() -> None:
     clear, storm = autodrive.make(), autodrive.make()
     storm.set_weather(Weather(fog=1.0, clouds=1.0, wind=1.0))  # no water: the same grip
     for _ in range(30):
-        one, other = clear.step(FORWARD).vehicles["V1"], storm.step(FORWARD).vehicles["V1"]
-        assert one.ips.position.tobytes() == other.ips.position.tobytes()
-        assert one.imu.linear_acceleration.tobytes() == other.imu.linear_acceleration.tobytes()
-        assert one.encoders.ticks.tobytes() == other.encoders.ticks.tobytes()
+        dry, other = clear.step(FORWARD).vehicles["V1"], storm.step(FORWARD).vehicles["V1"]
+        assert dry.ips.position.tobytes() == other.ips.position.tobytes()
+        assert dry.imu.linear_acceleration.tobytes() == other.imu.linear_acceleration.tobytes()
+        assert dry.encoders.ticks.tobytes() == other.encoders.ticks.tobytes()
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -145,8 +145,8 @@ def test_each_vehicle_obeys_its_own_commands() -> None:
     a, b = Command(throttle=0.8, steering=0.7), Command(throttle=-0.5, steering=-0.3)
     for _ in range(150):
         both = world.step({"V2": b, "V1": a})
-        one, two = left.step({"V1": a}), right.step({"V1": b})
-    assert digest(both.vehicles["V1"].pose) == digest(one.vehicles["V1"].pose)
+        first, two = left.step({"V1": a}), right.step({"V1": b})
+    assert digest(both.vehicles["V1"].pose) == digest(first.vehicles["V1"].pose)
     moved = both.vehicles["V2"].pose.position - (0.0, 2.0, 0.0)
     assert moved == pytest.approx(two.vehicles["V1"].pose.position, abs=1e-9)  # rounding about y = 2, grown over 1.5 s
 

@@ -186,26 +186,6 @@ def test_an_operation_of_the_user_ends_the_last_command_of_a_slow_script(
         assert throttle_after(simulation, TIMEOUT) == 0.0
 
 
-def test_a_fast_server_gets_one_telemetry_a_tick_and_no_more(simulation: Simulation) -> None:
-    with bridged(simulation) as bridge:
-        wait_until(lambda: bridge.counters.telemetry_sent > 10)
-        sent, ticks = bridge.counters.telemetry_sent, simulation.ticks
-        wait_until(lambda: simulation.ticks >= ticks + 50)
-        assert bridge.counters.telemetry_sent - sent <= simulation.ticks - ticks + 1  # read at slightly other times
-        assert bridge.counters.telemetry_sent - sent > 10
-
-
-def test_the_state_is_sent_again_to_a_silent_server_with_one_warning(
-    simulation: Simulation, caplog: pytest.LogCaptureFixture
-) -> None:
-    received: list[dict[str, str]] = []
-    with bridged(simulation, lambda it: received.extend(telemetry_in(it)), resend_delay=0.02) as bridge:
-        wait_until(lambda: bridge.counters.resends >= 2)
-    assert len([line for line in caplog.messages if "the script sends no commands" in line]) == 1
-    # it has sent no packet: a C++ devkit, which reads no gzip
-    assert {data["V1 LIDAR Range Array"][:4] for data in received} == {"inf "}
-
-
 @contextlib.contextmanager
 def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Iterator[int]:
     """A server of python-socketio 5 that calls `talk` with each telemetry message; its port."""
@@ -219,40 +199,6 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
 
     with peer(serve) as port:
         yield port
-
-
-def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) -> None:
-    """As one that writes Engine.IO by hand."""
-    packets: list[str] = []
-
-    def by_hand(connection: ServerConnection) -> None:
-        connection.send('0{"sid":"x","upgrades":[],"pingInterval":25000,"pingTimeout":60000}')
-        for text in connection:
-            packets.append(str(text)[:3])
-            if str(text).startswith("42"):
-                checked(str(text))
-                connection.send(packet(FULL_THROTTLE))
-
-    with bridged(simulation, by_hand) as bridge:
-        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
-        assert bridge.counters.dialect is Dialect.ENGINE_IO_3
-    assert {"40", "42["} <= set(packets) <= {"40", "42[", "41", "1"}  # no number: no acknowledgement is asked for
-
-
-def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simulation) -> None:
-    def late(connection: ServerConnection) -> None:
-        connection.send(HANDSHAKE)
-        texts = map(str, connection)
-        assert next(texts) == "40"
-        assert next(texts).startswith('42["Bridge"')  # which a server of Engine.IO 4 does not read before
-        connection.send('40{"sid":"y"}')
-        for text in texts:
-            if text.startswith("42"):
-                connection.send(packet(FULL_THROTTLE))
-
-    with bridged(simulation, late, resend_delay=10 * LIMIT) as bridge:
-        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
-        assert (bridge.counters.dialect, bridge.counters.connections) == (Dialect.ENGINE_IO_4, 1)
 
 
 @pytest.mark.parametrize(

@@ -41,27 +41,27 @@ def bridge(ros1_session: Ros1) -> Iterator[Program]:
     """The bridge node in direct mode."""
     with ros1_session.launch(
         "simulator_bringup_headless.launch", f"port:={ros1_session.port}", "picture_rate:=5"
-    ) as one:
-        yield one
+    ) as started:
+        yield started
 
 
 @pytest.fixture(scope="module")
 def probe(ros1_session: Ros1, bridge: Program) -> Iterator[Probe]:
     """Subscribes to the topics of `STATES`; has received a message of each one."""
-    with ros1_session.probe() as one:
+    with ros1_session.probe() as listener:
         for name, kind in STATES.items():
-            one.subscribe(name, kind)
-        wait_until(lambda: {*STATES} <= {*one.counts()})
-        yield one
+            listener.subscribe(name, kind)
+        wait_until(lambda: {*STATES} <= {*listener.counts()})
+        yield listener
 
 
 @pytest.fixture
 def sim(ros1_session: Ros1, bridge: Program) -> Iterator[Client]:
     """A native client; the simulation is reset before the test and running after it."""
-    with client(ros1_session.port) as one:
-        one.reset()
-        yield one
-        one.resume()
+    with client(ros1_session.port) as simulator:
+        simulator.reset()
+        yield simulator
+        simulator.resume()
 
 
 def received(probe: Probe, name: str) -> dict[str, Any]:

@@ -42,18 +42,18 @@ def server(simulation: Simulation) -> Iterator[SimulationServer]:
 
 
 @pytest.fixture
-def one(server: SimulationServer) -> Iterator[NativeClient]:
+def client(server: SimulationServer) -> Iterator[NativeClient]:
     with native_client(server, "one") as it:
         yield it
 
 
-def test_a_client_gets_welcome_and_scene_before_the_first_frame(one: NativeClient) -> None:
-    welcome = one.receive()
+def test_a_client_gets_welcome_and_scene_before_the_first_frame(client: NativeClient) -> None:
+    welcome = client.receive()
     assert (welcome["type"], welcome["protocol"], welcome["name"]) == ("Welcome", 2, "one")
     assert welcome["version"] == autodrive.__version__
     assert welcome["scenarios"] == {"two_cars": "Two cars", "plane": "One"}
-    types = [one.receive()["type"] for _ in range(8)]
-    assert one.socket.subprotocol == "autodrive.v2"
+    types = [client.receive()["type"] for _ in range(8)]
+    assert client.socket.subprotocol == "autodrive.v2"
     assert types.index("Scene") < types.index("Frame")
 
 
@@ -71,7 +71,7 @@ def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one
             while (message := early.receive())["type"] == "Starting":
                 pass
             assert (message["type"], message["name"]) == ("Welcome", "early")
-            wait_until(lambda: [one.subscription.frame_rate for one in server.hub.clients] == [7.0])
+            wait_until(lambda: [client.subscription.frame_rate for client in server.hub.clients] == [7.0])
         with native_client(server, "late") as late:
             assert late.receive()["type"] == "Welcome"
 
@@ -121,37 +121,37 @@ def test_clients_with_the_same_name_get_different_names(server: SimulationServer
         assert [it.receive()["name"] for it in (first, second, third)] == ["page", "page 2", "client"]
 
 
-def test_frames_have_the_subscribed_rate(one: NativeClient) -> None:
-    one.until("Frame")
+def test_frames_have_the_subscribed_rate(client: NativeClient) -> None:
+    client.until("Frame")
     start = time.monotonic()
-    one.send("Subscribe", frame_rate=20.0)
-    one.ask("SetSpeed", factor=1.0)  # what comes before its Response was sent at the rate before
+    client.send("Subscribe", frame_rate=20.0)
+    client.ask("SetSpeed", factor=1.0)  # what comes before its Response was sent at the rate before
     for _ in range(21):
-        one.until("Frame")
+        client.until("Frame")
     assert time.monotonic() - start > 0.9 * 20 / 20.0  # a busy machine takes longer
 
 
-def test_a_subscription_without_frames_gets_none(one: NativeClient) -> None:
-    one.until("Frame")
-    one.send("Subscribe", frame_rate=0.0)
-    one.ask("SetSpeed", factor=1.0)
-    statuses = [one.receive()["type"] for _ in range(4)]
+def test_a_subscription_without_frames_gets_none(client: NativeClient) -> None:
+    client.until("Frame")
+    client.send("Subscribe", frame_rate=0.0)
+    client.ask("SetSpeed", factor=1.0)
+    statuses = [client.receive()["type"] for _ in range(4)]
     assert set(statuses) == {"Status"}
 
 
-def test_a_subscription_of_all_frames_gets_each_tick(one: NativeClient) -> None:
-    one.ask("Pause")
-    one.send("Subscribe", frame_rate=None)
-    begin = one.ask("Step")["frame"]["tick"]
-    ticks = [one.ask("Step")["frame"]["tick"] for _ in range(20)]
+def test_a_subscription_of_all_frames_gets_each_tick(client: NativeClient) -> None:
+    client.ask("Pause")
+    client.send("Subscribe", frame_rate=None)
+    begin = client.ask("Step")["frame"]["tick"]
+    ticks = [client.ask("Step")["frame"]["tick"] for _ in range(20)]
     assert ticks == list(range(begin + 1, begin + 21))
 
 
-def test_a_scan_precedes_the_first_frame_that_contains_it(one: NativeClient) -> None:
-    one.send("Subscribe", frame_rate=None, scans=True)
-    one.until("Frame")
-    scan = one.until("Scan")
-    after = one.until("Frame")
+def test_a_scan_precedes_the_first_frame_that_contains_it(client: NativeClient) -> None:
+    client.send("Subscribe", frame_rate=None, scans=True)
+    client.until("Frame")
+    scan = client.until("Scan")
+    after = client.until("Frame")
     assert scan["vehicle"] == "V1"
     assert scan["scan"]["time"] <= after["time"] <= scan["scan"]["time"] + 0.5
     assert len(scan["scan"]["ranges"]) == 360
@@ -188,35 +188,35 @@ def test_events_are_kept_for_a_client_with_a_low_frame_rate(server: SimulationSe
         assert not rare.ask("Step")["frame"]["events"]
 
 
-def test_a_step_needs_a_pause(one: NativeClient) -> None:
-    error = one.ask("Step")
+def test_a_step_needs_a_pause(client: NativeClient) -> None:
+    error = client.ask("Step")
     assert (error["type"], error["code"]) == ("Error", "request")
     assert "request Pause first" in error["text"]
 
 
 def test_a_request_that_was_held_up_is_refused(
-    server: SimulationServer, one: NativeClient, simulation: Simulation
+    server: SimulationServer, client: NativeClient, simulation: Simulation
 ) -> None:
-    clock = one.until("Status")["clock"]
+    clock = client.until("Status")["clock"]
     for id, heard in ((1, clock - 5), (2, clock)):  # the sender of the first one knew a Status that is 5 s older
-        one.send("Request", id=id, operation={"type": "SetSceneLight", "enabled": id == 1}, heard=heard)
-        answer = one.answer(id)
+        client.send("Request", id=id, operation={"type": "SetSceneLight", "enabled": id == 1}, heard=heard)
+        answer = client.answer(id)
         assert answer["type"] == ("Error" if id == 1 else "Response")
         if id == 1:
             assert "the request came 5 s late and was not carried out" in answer["text"]
     assert not simulation.frame.scene_light
 
 
-def test_a_pause_and_a_step_can_be_requested_together(one: NativeClient) -> None:
-    pause, step = one.begin("Pause"), one.begin("Step", ticks=3)
-    assert one.answer(step)["frame"]["tick"] - 3 >= 0
+def test_a_pause_and_a_step_can_be_requested_together(client: NativeClient) -> None:
+    pause, step = client.begin("Pause"), client.begin("Step", ticks=3)
+    assert client.answer(step)["frame"]["tick"] - 3 >= 0
     assert pause < step
 
 
-def test_a_reset_keeps_all_clients(server: SimulationServer, one: NativeClient) -> None:
+def test_a_reset_keeps_all_clients(server: SimulationServer, client: NativeClient) -> None:
     with native_client(server, "two") as two:
-        one.until(lambda message: message["type"] == "Status" and message["clients"] == 2)
-        assert one.ask("Reset", seed=1)["frame"]["tick"] <= 1
+        client.until(lambda message: message["type"] == "Status" and message["clients"] == 2)
+        assert client.ask("Reset", seed=1)["frame"]["tick"] <= 1
         assert two.until("Frame")["tick"] >= 0
         assert two.until("Status")["clients"] == 2
 
@@ -232,23 +232,23 @@ def test_a_reset_keeps_all_clients(server: SimulationServer, one: NativeClient) 
     ],
 )
 def test_an_impossible_request_is_answered_with_an_error_and_its_id(
-    one: NativeClient, request_: dict[str, Any], text: str
+    client: NativeClient, request_: dict[str, Any], text: str
 ) -> None:
-    error = one.ask(request_.pop("type"), **request_)
+    error = client.ask(request_.pop("type"), **request_)
     assert (error["type"], error["code"]) == ("Error", "request")
     assert text in error["text"]
-    assert one.until("Frame")
+    assert client.until("Frame")
 
 
-def test_the_bridge_connects_reports_its_error_and_disconnects(one: NativeClient) -> None:
+def test_the_bridge_connects_reports_its_error_and_disconnects(client: NativeClient) -> None:
     port = free_port()
     for _ in range(2):  # again after an end
-        assert one.ask("ConnectBridge", host="127.0.0.1", port=port)["type"] == "Response"
-        status = one.until(lambda message: message["type"] == "Status" and message["bridge"]["error"])
+        assert client.ask("ConnectBridge", host="127.0.0.1", port=port)["type"] == "Response"
+        status = client.until(lambda message: message["type"] == "Status" and message["bridge"]["error"])
         assert status["bridge"]["state"] == "connecting"
         assert status["bridge"]["error"] == f"no script at 127.0.0.1:{port} (connection refused); trying again"
-        assert one.ask("DisconnectBridge")["type"] == "Response"
-        status = one.until(lambda message: message["type"] == "Status" and message["bridge"]["state"] == "closed")
+        assert client.ask("DisconnectBridge")["type"] == "Response"
+        status = client.until(lambda message: message["type"] == "Status" and message["bridge"]["state"] == "closed")
         assert status["bridge"]["error"] == ""
 
 
@@ -288,19 +288,19 @@ def test_a_new_scenario_starts_with_its_scene() -> None:
         simulation.world.close()
 
 
-def test_scene_cameras_are_rendered_for_other_clients(gl: str, one: NativeClient, simulation: Simulation) -> None:
-    one.ask("SetCamera", camera="Bird's Eye", width=320)
-    driven = one.until("Rendered")
-    later = one.until("Rendered")
+def test_scene_cameras_are_rendered_for_other_clients(gl: str, client: NativeClient, simulation: Simulation) -> None:
+    client.ask("SetCamera", camera="Bird's Eye", width=320)
+    driven = client.until("Rendered")
+    later = client.until("Rendered")
     assert later["time"] > driven["time"]
     assert simplejpeg.decode_jpeg(later["jpeg"]).shape == (180, 320, 3)
-    one.ask("Pause")
-    one.ask("Reset")
-    while one.until("Rendered")["time"] > 0.0:  # the last Frame before a pause is drawn too
+    client.ask("Pause")
+    client.ask("Reset")
+    while client.until("Rendered")["time"] > 0.0:  # the last Frame before a pause is drawn too
         pass
-    one.ask("SetCamera", camera=None)
-    one.ask("Resume")
-    seen = [one.receive()["type"] for _ in range(30)]
+    client.ask("SetCamera", camera=None)
+    client.ask("Resume")
+    seen = [client.receive()["type"] for _ in range(30)]
     assert "Rendered" not in seen[10:]
 
 

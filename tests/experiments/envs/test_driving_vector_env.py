@@ -103,8 +103,8 @@ def test_each_episode_of_every_environment_has_its_own_weather(id_: str) -> None
     rains: list[float] = []
     for seed in (1, None):
         envs.reset(seed=seed)
-        rains += [one.rain for one in envs.batch.weathers]
-        assert all((one.snow, one.fog) == (0.1, 0.0) for one in envs.batch.weathers)
+        rains += [weather.rain for weather in envs.batch.weathers]
+        assert all((weather.snow, weather.fog) == (0.1, 0.0) for weather in envs.batch.weathers)
     assert len({*rains}) == len(rains)
     assert 0.2 <= min(rains) < max(rains) <= 1.0
     with pytest.raises(SpecError, match="fog: must be a number from 0 to 1, or two of them"):
@@ -116,7 +116,7 @@ def test_a_task_keeps_the_weather_of_its_scenario() -> None:
     task.scenario = task.scenario.model_copy(update={"weather": WeatherSpec(snow=0.4)})
     envs = DrivingVectorEnv(2, task)
     envs.reset(seed=1)
-    assert [one.snow for one in envs.batch.weathers] == [0.4, 0.4]
+    assert [weather.snow for weather in envs.batch.weathers] == [0.4, 0.4]
 
 
 def test_what_was_returned_is_not_written_again() -> None:
@@ -127,7 +127,7 @@ def test_what_was_returned_is_not_written_again() -> None:
     for _ in range(3):
         envs.step(envs.action_space.sample())
     envs.reset(seed=2)
-    assert all(equal(one, other) for one, other in zip(returned, copies, strict=True))
+    assert all(equal(value, other) for value, other in zip(returned, copies, strict=True))
 
 
 def test_wrappers_of_vector_environments_work() -> None:
@@ -237,10 +237,10 @@ def test_images_of_a_vector_environment_are_those_of_single_ones(gl: str, weathe
     )
     steps = [[env.reset(seed=5)[0] for env in (ours, theirs)]]
     steps += [[env.step(np.ones((2, 2), np.float32))[0] for env in (ours, theirs)] for _ in range(4)]
-    for one, other in steps:
-        assert one in ours.observation_space
-        assert one["state"].tobytes() == other["state"].tobytes()
-        difference = np.abs(one["image"].astype(int) - other["image"])
+    for own, other in steps:
+        assert own in ours.observation_space
+        assert own["state"].tobytes() == other["state"].tobytes()
+        difference = np.abs(own["image"].astype(int) - other["image"])
         assert (difference > 2).mean() < 0.01  # equal but for rounding, and for pixels at edges
     ours.close()
     theirs.close()

@@ -69,7 +69,7 @@ def test_a_driver_of_a_few_lines_drives_a_lap_on_every_track() -> None:
 
 
 def test_an_observation_begins_with_the_speed_and_ends_with_the_scan() -> None:
-    names = [one.name for one in observed(made().vector.task, "lidar")]
+    names = [feature.name for feature in observed(made().vector.task, "lidar")]
     assert (names[SPEED], names[SCAN], names[-1]) == ("speed", "range_-132.5", "range_132.5")
 
 
@@ -138,7 +138,7 @@ def test_tracks_have_curves_of_the_radius_that_was_asked_for() -> None:
             a, c = np.roll(b, 6, axis=0), np.roll(b, -6, axis=0)
             (x, y), (u, v) = (b - a).T, (c - a).T
             area = 0.5 * np.abs(x * v - y * u)
-            sides = [np.hypot(*(one - other).T) for one, other in ((a, b), (b, c), (c, a))]
+            sides = [np.hypot(*(wall - other).T) for wall, other in ((a, b), (b, c), (c, a))]
             least = (np.prod(sides, axis=0) / np.maximum(4.0 * area, 1e-9)).min()
             assert 0.98 * radius < least < 1.6 * radius
 
@@ -240,7 +240,7 @@ def test_a_collision_ends_the_race_of_its_world_only() -> None:
     many = races(4, cars=2, autoreset_mode="SameStep")
     seen, _ = many.reset(seed=1)
     while True:
-        actions = np.array([action_for(one, 1.0) for one in seen])
+        actions = np.array([action_for(observation, 1.0) for observation in seen])
         actions[2] = 0.3, 1.0  # the first car of the second world drives into the wall
         seen, reward, terminated, truncated, info = many.step(actions)
         assert many.steps[0] < 400
@@ -265,19 +265,6 @@ def test_rivalry_rewards_what_a_car_gains_on_the_others() -> None:
         others = (own.sum() - own) / 2.0  # without a collision the reward is the distance
         assert more - own == pytest.approx(0.5 * (own - others), abs=1e-12)
         assert own[0] > own[2] > 0.0 or step < 39
-
-
-@pytest.mark.parametrize(
-    ("count", "settings", "message"),
-    [
-        (3, {"cars": 2}, "num_envs: with 2 cars in a world it must be a multiple, not 3"),
-        (9, {"cars": 9}, "cars: must be a whole number from 1 to 8, not 9"),
-        (2, {"rivalry": 0.5}, "rivalry: must be a number from 0 to 10, and 0 for a single car, not 0.5"),
-    ],
-)
-def test_wrong_settings_of_a_race_are_named(count: int, settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(SpecError, match=message):
-        races(count, **settings)
 
 
 def test_a_mask_does_not_separate_the_cars_of_a_world() -> None:

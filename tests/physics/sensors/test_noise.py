@@ -74,7 +74,7 @@ def test_sensors_are_exact_by_default() -> None:
     for spec in (EncoderSpec(), IpsSpec(), ImuSpec(), LidarSpec()):
         readings = [OneSensor(spec, where), OneSensor(spec, where)]
         readings[1].reset(1)
-        first, other = (encode(one.sample()) for one in readings)
+        first, other = (encode(sensor.sample()) for sensor in readings)
         assert first == other
 
 
@@ -167,7 +167,7 @@ def test_the_noise_of_a_data_sheet_belongs_to_the_lidar() -> None:
     ("vehicle", "noise"),
     [
         ("nigel", RPLIDAR_A1M8),
-        *((one, LidarNoise(sigma=0.01, step=0.001)) for one in ("roboracer", "roboracer_f1tenth")),
+        *((vehicle, LidarNoise(sigma=0.01, step=0.001)) for vehicle in ("roboracer", "roboracer_f1tenth")),
     ],
 )
 def test_realistic_sensors_have_the_noise_of_the_lidar_of_their_vehicle(vehicle: str, noise: LidarNoise) -> None:

@@ -330,30 +330,6 @@ def test_a_batch_without_a_channel_hears_nothing() -> None:
     assert batch.readings.heard_lights.shape == (2, 3, 0, 6)
 
 
-@pytest.mark.slow
-def test_factors_of_mass_grip_and_noise_are_those_of_a_scenario() -> None:
-    """In contact as well, where the engine has the masses; each world has its own."""
-    spec = ScenarioSpec(map="mini_map", boxes={"box": {"x": 0.5, "y": 0.05}})  # pyright: ignore[reportArgumentType]
-    factors = {"mass": [1.0, 2.0, 0.5], "grip": [0.6, 1.0, 1.5], "noise": [0.0, 1.0, 3.0]}
-    own = spec.vehicles["V1"].model_copy(update={"has_realistic_sensors": True})
-    spec = spec.model_copy(update={"vehicles": {"V1": own}})
-    batch = BatchWorld(spec, 3)
-    batch.reset(mass=factors["mass"], grip=factors["grip"], noise=factors["noise"])
-    worlds = []
-    for k in range(3):
-        placed = own.model_copy(update={f"{name}_factor": values[k] for name, values in factors.items()})
-        worlds.append(make(spec.model_copy(update={"vehicles": {"V1": placed}}), seed=k))
-    for commands in random_commands(3, 1, 150, seed=1):
-        readings = batch.step(commands)
-        for k, world in enumerate(worlds):
-            assert_same(readings, k, world.step(as_commands(["V1"], commands[k])))
-    assert batch.readings.collision_count.min() > 0
-    batch.reset()
-    np.testing.assert_array_equal(
-        batch.readings.imu_angular_velocity[0], make(spec, seed=0).frame.vehicles["V1"].imu.angular_velocity[None]
-    )
-
-
 def test_mass_and_noise_are_multiplied() -> None:
     """At rest the springs carry the weight; the same random numbers make twice the error."""
     noisy = {"V1": {"sensors": {"ips": {"noise": "strong"}}}}

@@ -158,7 +158,7 @@ def test_each_problem_is_repaired_by_what_it_offers() -> None:
 def test_overlapping_roads_are_a_problem_at_their_place() -> None:
     building = Building()
     building.put(a=MapModule("straight_road", 0.0, 3.0, open=True), b=MapModule("road_patch", 0.1, 3.0, open=True))
-    (problem,) = [one for one in building.scene.problems if one.kind == "overlap"]
+    (problem,) = (problem for problem in building.scene.problems if problem.kind == "overlap")
     assert (problem.parts, problem.repair) == (["a", "b"], {})
     assert (problem.x, problem.y) == pytest.approx((0.1, 3.0), abs=0.15)
 
@@ -270,13 +270,13 @@ def test_a_vehicle_whose_road_is_removed_stands_and_is_off_the_road() -> None:
     building = Building("mini_map")
     building.drive(50)
     position = building.world.frame.vehicles["V1"].pose.position
-    assert [one for one in building.scene.advice if one.kind == "outside"] == []
+    assert [problem for problem in building.scene.advice if problem.kind == "outside"] == []
     building.put(straight_road_2=None)
     frames = building.drive(100)
     off = [event for frame in frames for event in frame.events if isinstance(event, OffRoad)]
     assert [event.vehicle for event in off] == ["V1"]
     assert frames[-1].vehicles["V1"].pose.position == pytest.approx(position, abs=1e-3)
-    (advice,) = (one for one in building.scene.advice if one.kind == "outside")
+    (advice,) = (problem for problem in building.scene.advice if problem.kind == "outside")
     assert "'V1' stands beside the drivable area" in advice.text
     assert (advice.x, advice.y) == pytest.approx(tuple(position[:2]), abs=1e-3)
 
@@ -433,8 +433,10 @@ def test_a_map_that_is_taken_apart_and_put_together_is_the_same(name: str) -> No
     assert parts_of(new) == parts_of(spec)
     maps = [load_map(spec), load_map(new)]
     assert maps[0].drivable.equals(maps[1].drivable)
-    assert [one.footprint for one in maps[0].modules] == [one.footprint for one in maps[1].modules]
-    statics = [[replace(one, yaw=math.remainder(one.yaw, 2.0 * math.pi)) for one in map_.statics] for map_ in maps]
+    assert [module.footprint for module in maps[0].modules] == [module.footprint for module in maps[1].modules]
+    statics = [
+        [replace(static, yaw=math.remainder(static.yaw, 2.0 * math.pi)) for static in map_.statics] for map_ in maps
+    ]
     assert statics[0] == statics[1]
     assert maps[0].boxes == maps[1].boxes
 
