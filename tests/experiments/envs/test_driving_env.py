@@ -15,9 +15,13 @@ from gymnasium.utils.env_checker import check_env
 
 import autodrive
 from autodrive.base.transforms import yaw_from_quaternion
+from autodrive.experiments.envs.crossing_env import CrossingParallelEnv
 from autodrive.experiments.envs.driving_env import DrivingEnv
+from autodrive.experiments.envs.duel_env import DuelParallelEnv
 from autodrive.experiments.envs.episodes import observed
+from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
 from autodrive.experiments.envs.registration import IDS, ROBORACER
+from autodrive.experiments.envs.roboracer_env import RoboRacerEnv
 from autodrive.scenario.maps.map import load_map
 
 COLLIDES = {"parking": 0, "navigation": 7}
@@ -258,6 +262,8 @@ def test_the_page_shows_the_car(capsys: pytest.CaptureFixture[str]) -> None:
     env.close()
 
 
-def test_an_environment_of_one_world_refuses_threads() -> None:
-    with pytest.raises(TypeError, match="has no argument 'threads'"):
-        DrivingEnv("parking", threads=2)
+@pytest.mark.parametrize("kind", [DrivingEnv, DrivingParallelEnv, CrossingParallelEnv, DuelParallelEnv, RoboRacerEnv])
+@pytest.mark.parametrize("name", ["threads", "autoreset_mode", "num_envs", "fogg"])
+def test_an_environment_of_one_world_refuses_a_setting_that_it_does_not_have(kind: Any, name: str) -> None:
+    with pytest.raises(TypeError, match=rf"^{kind.__name__}\(\) has no argument '{name}'\. (?!.*(num_envs|Vector))"):
+        kind(**{name: 2})

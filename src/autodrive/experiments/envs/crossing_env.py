@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gymnasium.vector import AutoresetMode
-
 from autodrive.experiments.envs.crossing import Crossing
+from autodrive.experiments.envs.driving_vector_env import of_one_world
 from autodrive.experiments.envs.settings import ALL, OF_CARS, OF_TASKS, Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
 from autodrive.experiments.envs.variants import Variant, action_of
@@ -53,4 +52,4 @@ class CrossingParallelEnv(SeveralCarsParallelEnv):
 
     def __init__(self, **settings: Any) -> None:
         """`settings`: of `CrossingVectorEnv`. Raises `SpecError`."""
-        super().__init__(CrossingVectorEnv(4, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))
+        super().__init__(of_one_world(self, CrossingVectorEnv, 4, **settings))

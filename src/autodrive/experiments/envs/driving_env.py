@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.experiments.envs.driving_vector_env import of_one_world
 from autodrive.experiments.envs.rendered_world import RenderedWorld
 from autodrive.experiments.envs.shown import ShownVectorEnv
 from autodrive.experiments.envs.single_env import SingleEnv
@@ -25,7 +26,7 @@ class DrivingEnv(SingleEnv):
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
-        super().__init__(ShownVectorEnv(1, task, render_mode=render_mode, **settings), render_mode)
+        super().__init__(of_one_world(self, ShownVectorEnv, 1, task, render_mode=render_mode, **settings), render_mode)
 
     @property
     def rendered(self) -> RenderedWorld:

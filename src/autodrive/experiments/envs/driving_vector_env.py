@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
+from autodrive.base.suggest import check_keywords
 from autodrive.experiments.envs.conditions import WEATHER, Conditions, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.remade import Remade
@@ -29,6 +30,7 @@ from autodrive.experiments.envs.settings import (
     check_options,
     checked_settings,
     commands_of,
+    known_arguments,
     made_task,
     whole_seed,
 )
@@ -292,3 +294,17 @@ def _world_seeds(seed: object, count: int) -> list[int | None]:
     if len(seeds) != count:
         raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
     return seeds
+
+
+Vector = TypeVar("Vector", bound=DrivingVectorEnv)
+
+
+def of_one_world(env: object, kind: type[Vector], cars: int, /, *task: str | Task, **settings: Any) -> Vector:
+    """The vector environment of that class with one world of so many cars, which does the work of `env`.
+
+    Raises `TypeError`, which names the class of `env`, for a setting that it does not have.
+    """
+    known = [*known_arguments(type(env)), *known_arguments(kind, kind.setting_names)]
+    of_many_worlds = {"num_envs", "autoreset_mode", "threads"}
+    check_keywords(type(env).__name__, settings, [name for name in dict.fromkeys(known) if name not in of_many_worlds])
+    return kind(cars, *task, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings)

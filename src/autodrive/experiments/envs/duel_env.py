@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.experiments.envs.conditions import WEATHER
+from autodrive.experiments.envs.driving_vector_env import of_one_world
 from autodrive.experiments.envs.duel import BEST, DRIVEN, Duel
 from autodrive.experiments.envs.settings import ALL, OF_CARS, OF_TASKS, Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
@@ -91,4 +91,4 @@ class DuelParallelEnv(SeveralCarsParallelEnv):
 
     def __init__(self, **settings: Any) -> None:
         """`settings`: of `DuelVectorEnv`. Raises `SpecError`."""
-        super().__init__(DuelVectorEnv(2, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))
+        super().__init__(of_one_world(self, DuelVectorEnv, 2, **settings))

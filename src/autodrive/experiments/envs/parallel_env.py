@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.experiments.envs.driving_vector_env import of_one_world
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import RenderedWorld
 from autodrive.experiments.envs.settings import checked_cars
@@ -42,7 +43,8 @@ class DrivingParallelEnv(SeveralCarsParallelEnv):
         """
         count = checked_cars(cars)
         settings |= {"max_episode_steps": max_episode_steps, "observation": observation, "frame_skip": frame_skip}
-        super().__init__(ShownCarsVectorEnv(count, LaneKeeping(frame_skip, count), **settings))
+        task = LaneKeeping(frame_skip, count)
+        super().__init__(of_one_world(self, ShownCarsVectorEnv, count, task, **settings))
         self.metadata = {**type(self).metadata, "render_fps": 1.0 / self.rendered.step_duration}
 
     @property

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.driving_vector_env import of_one_world
 from autodrive.experiments.envs.roboracer_env import RoboRacerVectorEnv
 from autodrive.experiments.envs.settings import checked_cars
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
@@ -80,7 +80,7 @@ class RaceParallelEnv(SeveralCarsParallelEnv):
             raise SpecError(["observation: a race has no images. Known: state, lidar"])
         settings |= {"laps": laps, "max_episode_steps": max_episode_steps, "observation": observation}
         count = checked_cars(cars)
-        super().__init__(RaceVectorEnv(count, cars=count, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))
+        super().__init__(of_one_world(self, RaceVectorEnv, count, cars=count, **settings))
 
     @property
     def distance(self) -> Floats:

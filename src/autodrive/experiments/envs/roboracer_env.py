@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.conditions import WEATHER, CarConditions, DelayedDrive, Range, whole_number_errors
-from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv, of_one_world
 from autodrive.experiments.envs.race_tracks import AREA
 from autodrive.experiments.envs.settings import ALL, MOST_CARS
 from autodrive.experiments.envs.single_env import SingleEnv
@@ -126,8 +125,7 @@ class RoboRacerEnv(SingleEnv):
         """`settings`: those of `RoboRacerVectorEnv`. 'rgb_array' draws the image of the front camera."""
         if render_mode not in (None, "rgb_array"):
             raise SpecError([f"render_mode: {render_mode!r} is not known. Known: rgb_array"])
-        vector = RoboRacerVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings)
-        super().__init__(vector, render_mode)
+        super().__init__(of_one_world(self, RoboRacerVectorEnv, 1, **settings), render_mode)
         self._camera: BatchCamera | None = None
 
     @property

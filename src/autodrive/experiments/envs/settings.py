@@ -134,13 +134,18 @@ OF_TASKS = frozenset({"map", "reward", "end", "traffic", "offence_cost", "observ
 OTHER_ARGUMENTS = frozenset({"self", "task", "settings", "arguments"})
 
 
+def known_arguments(kind: Any, names: Collection[str] = ()) -> list[str]:
+    """Names of the arguments of an environment of that class. `names`: its settings besides its own arguments."""
+    own = [name for name in inspect.signature(kind.__init__).parameters if name not in OTHER_ARGUMENTS]
+    return [*own, *sorted(set(names).difference(own))]
+
+
 def checked_settings(kind: Any, task: str | Task, settings: dict[str, Any], names: Collection[str]) -> EnvSettings:
     """Settings of an environment of that class. `names`: settings that it has besides its own arguments.
 
     Raises `TypeError` for another one, and `SpecError` for wrong values.
     """
-    own = [name for name in inspect.signature(kind.__init__).parameters if name not in OTHER_ARGUMENTS]
-    check_keywords(kind.__name__, settings, [*own, *sorted(names)])
+    check_keywords(kind.__name__, settings, known_arguments(kind, names))
     return EnvSettings(task=task if isinstance(task, str) else None, **settings)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
@@ -19,15 +18,7 @@ class ShownVectorEnv(DrivingVectorEnv):
     Images are those of the cameras of the World. An episode that has ended may go on, as in Gymnasium.
     """
 
-    setting_names = DrivingVectorEnv.setting_names - {"threads"}  # one World has no threads
     batch: RenderedWorld  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Pass `arguments` and `settings` on to the next class.
-
-        Raises `SpecError`, and `GlUnavailable` for images without OpenGL.
-        """
-        super().__init__(*arguments, autoreset_mode=AutoresetMode.DISABLED, **settings)
 
     def _worlds(self, count: int, threads: int | None) -> RenderedWorld:
         assert count == 1
