@@ -216,3 +216,26 @@ def test_the_devkit_document_names_what_a_vehicle_has() -> None:
     document = (DOCS / "python.md").read_text()
     names = {name for name in vars(autodrive.devkit.Nigel()) if not name.startswith("_")} - {"id"}
     assert not {name for name in names if f"`{name}`" not in document}
+
+
+UNITS = "us|steps/s|times real time|ticks a second"
+OTHER_FIGURES = {"scenarios.md": "the limits of a setting"}
+"""Pages with figures of these units that say nothing of the speed of the simulator."""
+
+
+def speeds(page: Path, units: str = UNITS) -> set[tuple[str, str]]:
+    """Each figure of speed of a page with its unit."""
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    number = r"\d[\d.,]*\d|\d"
+    groups = re.findall(rf"((?:(?:{number})(?:, | to | and | / |; ))*(?:{number})) ({units})\b", text)
+    return {(figure, unit) for figures, unit in groups for figure in re.findall(number, figures)}
+
+
+def test_a_figure_of_speed_is_that_of_the_page_on_performance() -> None:
+    root, performance = DOCS.parent, DOCS / "performance.md"
+    pages = {root / "ARCHITECTURE.md", *DOCS.glob("*.md")} - {performance}
+    quoted = {page.name: speeds(page) for page in pages if page.name not in OTHER_FIGURES}
+    quoted["README.md"] = speeds(root / "README.md", f"{UNITS}|ms")
+    assert ("23", "us") in quoted["README.md"] & quoted["tracks.md"]
+    measured = speeds(performance, f"{UNITS}|ms")
+    assert {name: figures - measured for name, figures in quoted.items() if figures - measured} == {}
