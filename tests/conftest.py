@@ -36,14 +36,21 @@ MARKERS = {
     "recording/film": "slow",
     "graphics/cameras/test_batch_camera.py": "slow",
     "graphics/cameras/test_tick_cameras.py": "slow",
+    "cli/test_outputs.py": "slow",
+    "connect/server/test_user_files.py": "slow",
     "experiments/campaigns/test_campaign_document.py": "slow",
+    "experiments/campaigns/test_runs.py": "slow",
     "experiments/campaigns/test_search.py": "slow",
     "experiments/envs/test_document.py": "slow",
     "experiments/envs/test_driving_vector_env.py": "slow",
     "experiments/envs/test_roboracer_env.py": "slow",
+    "experiments/envs/test_several_cars.py": "slow",
+    "experiments/policies/test_team.py": "slow",
     "physics/test_contact_engine.py": "slow",
     "world/racing/test_race_run.py": "slow",
     "graphics/render/test_goldens.py": "slow",
+    "graphics/render/test_strips.py": "slow",
+    "recording/replay/test_drawings.py": "slow",
 }
 """Directory or file -> marker of all its tests."""
 

@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
@@ -22,10 +22,19 @@ MAX_EVENTS = 1000
 MAX_REPLIES, MAX_UNSENT = 200, 2**24
 """Responses and Errors that wait for a client, and their size [bytes]; a client that lets more wait is disconnected."""
 
-NO_CURVES: dict[str, Curve] = {}
-NO_FILES: dict[str, OwnFile] = {}
-
 Send = Callable[[bytes], Awaitable[None]]
+
+
+class Answer(NamedTuple):
+    """What a Response has besides its Frame."""
+
+    text: str = ""
+    curves: dict[str, Curve] = {}  # noqa: RUF012  nobody changes it
+    files: dict[str, OwnFile] = {}  # noqa: RUF012  nobody changes it
+    picture: bytes = b""
+
+
+NO_ANSWER = Answer()
 
 
 class ConnectedClient:
@@ -72,17 +81,9 @@ class ConnectedClient:
         """Queue an Error."""
         self._add_reply(encode(error), None)
 
-    def respond(
-        self,
-        id: int,
-        frame: Frame,
-        text: str = "",
-        curves: dict[str, Curve] = NO_CURVES,
-        files: dict[str, OwnFile] = NO_FILES,
-        picture: bytes = b"",
-    ) -> None:
+    def respond(self, id: int, frame: Frame, answer: Answer) -> None:
         """Queue the Response to a request; its Frame holds all events since the last Frame sent."""
-        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves, files, picture)
+        response = Response(id, self._encoded.streamed(frame, self._take_events()), *answer)
         self._sent_frame = frame
         self._is_frame_due = False
         self._add_reply(encode(response), frame)

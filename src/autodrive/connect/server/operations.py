@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
+from autodrive.connect.server.connected_client import Answer
 from autodrive.connect.server.request_queue import RequestKind
 from autodrive.protocol import messages, native, own_files, replay
 from autodrive.world.editing.map_export import exported_map
@@ -43,18 +44,6 @@ KINDS: dict[type, RequestKind] = {
     replay.StartRecording: RequestKind(is_of_server=True, least_work=0.05),
 }
 """Kinds of operations; others of the server are `OF_SERVER`, others of the simulation are short requests."""
-
-
-class Answer(NamedTuple):
-    """What a Response has besides its Frame."""
-
-    text: str = ""
-    curves: dict[str, replay.Curve] = {}  # noqa: RUF012  nobody changes it
-    files: dict[str, own_files.OwnFile] = {}  # noqa: RUF012  nobody changes it
-    picture: bytes = b""
-
-
-NO_ANSWER = Answer()
 
 
 class ServerOperations:

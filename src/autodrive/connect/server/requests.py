@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from autodrive.base.errors import AutodriveError
 from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
+from autodrive.connect.server.connected_client import NO_ANSWER, Answer
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.operations import NO_ANSWER, Answer, ServerOperations
+from autodrive.connect.server.operations import ServerOperations
 from autodrive.connect.server.request_queue import MAX_PENDING, MAX_PENDING_BYTES, QueuedOperation
 from autodrive.connect.server.scheduler import Scheduler, Turn
 from autodrive.protocol.messages import (
@@ -128,7 +129,7 @@ class Requests:
     def _respond(self, turn: Turn, frame: Frame, answer: Answer = NO_ANSWER) -> None:
         try:
             for client, id in turn.answers:
-                client.respond(id, frame, *answer)
+                client.respond(id, frame, answer)
         except Exception as error:  # it cannot be encoded
             self._refuse(turn, error)
             return
