@@ -98,7 +98,7 @@ def random_track(rng: np.random.Generator) -> str:
     return generate_track(int(rng.integers(10_000)), length=30.0, width=1.2, area=(14.0, 10.0), barrier=barrier).text()
 
 
-@pytest.mark.filterwarnings("ignore:.*is outside the walls of map", "ignore:.*map .* is a draft")
+@pytest.mark.filterwarnings("ignore:.*is outside the walls of map", "ignore:map.* is not connected")
 @pytest.mark.parametrize("seed", cases((9, 28, 134, 135), tuple(range(200))))
 def test_cameras_and_lidars_agree(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
