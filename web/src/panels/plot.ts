@@ -1,15 +1,23 @@
 // A plot of two selectable scalars over the last seconds of simulated time.
 import uPlot from 'uplot'
-import 'uplot/dist/uPlot.min.css'
 
-import { watchColours } from './colours'
 import { h, setText } from './element'
 import { choice } from './fields'
 import type { History } from './history'
 import { fixed } from './hud_rows'
 import { loadPreference, savePreference } from './preferences'
-import { niceTicks, tickText } from './scales'
+import { niceTicks } from './scales'
 import { SIGNALS } from './signals'
+import {
+  FONT,
+  groupedOptions,
+  NOTHING,
+  type PlotColours,
+  plotColours,
+  type Trace,
+  traceLabel,
+  twoAxes,
+} from './two_axes'
 
 export interface Plot {
   element: HTMLElement
@@ -17,18 +25,14 @@ export interface Plot {
   refresh: (history: History, seconds: number) => void
 }
 
-const NOTHING = 'none'
-const COLOURS = ['plot-1', 'plot-2'] as const
 const HEIGHT = 92
 const AXIS = 40
 
-/** One of the two scalars: its selection, its drawn values, and the element with its latest value. */
-interface Trace {
-  select: HTMLSelectElement
+/** One of the two scalars, with its drawn values, and the element with its latest value. */
+interface Scalar extends Trace {
   /** Offers the signals that are known now. */
   offer: () => void
   now: HTMLElement
-  ticks: number[]
   values: (number | null)[]
 }
 
@@ -42,14 +46,10 @@ export function plot(key: string, first: readonly [string, string]): Plot {
     h('div', { class: 'plot-legend' }, ...traces.map((trace) => trace.select.parentElement)),
     canvas,
   )
-  const colours = { 'plot-1': '', 'plot-2': '', grid: '', muted: '' }
+  const colours = plotColours(() => chart)
   const ages: number[] = []
   let chart: uPlot | null = null
   let seconds = 0
-  watchColours(['plot-1', 'plot-2', 'grid', 'muted'], (now) => {
-    Object.assign(colours, now)
-    chart?.redraw(false)
-  })
 
   return {
     element,
@@ -61,7 +61,7 @@ export function plot(key: string, first: readonly [string, string]): Plot {
         [[], [], []],
         canvas,
       )
-      for (const one of traces) one.offer()
+      for (const { offer } of traces) offer()
       if (chart.width !== width) chart.setSize({ width, height: HEIGHT })
       seconds = window
       take(history, window, ages, traces)
@@ -71,7 +71,7 @@ export function plot(key: string, first: readonly [string, string]): Plot {
 }
 
 /** Copies the last seconds from the history; values that are not finite become gaps. */
-function take(history: History, window: number, ages: number[], traces: Trace[]): void {
+function take(history: History, window: number, ages: number[], traces: Scalar[]): void {
   const end = history.length
   const now = history.times[end - 1] ?? 0
   const start = end === 0 ? 0 : history.since(now - window)
@@ -94,86 +94,46 @@ function take(history: History, window: number, ages: number[], traces: Trace[])
   })
 }
 
-function trace(key: string, first: string, i: number): Trace {
+function trace(key: string, first: string, i: number): Scalar {
   const label = { 'aria-label': `Signal ${i + 1}`, title: 'Plotted signal' }
   const select = choice('hud-signal', (id) => savePreference(key, id), label)
-  const groups = new Map<string, HTMLOptGroupElement>()
+  const add = groupedOptions(select)
   const kept = loadPreference(key)
   let offered = 0
   const offer = () => {
     if (offered === SIGNALS.size) return
     const isFirst = offered === 0
     for (const [id, { group, label }] of [...SIGNALS].slice(offered)) {
-      const list = groups.get(group) ?? h('optgroup', { label: group })
-      if (!groups.has(group)) select.append(list)
-      groups.set(group, list)
-      list.append(h('option', { value: id }, label))
+      add(group, id, label)
       if (id === kept && !isFirst) select.value = id // a sensor of the user
     }
     offered = SIGNALS.size
   }
-  select.append(h('option', { value: NOTHING }, 'None'))
   offer()
   select.value = kept !== null && (kept === NOTHING || SIGNALS.has(kept)) ? kept : first
   const now = h('output', { class: 'plot-now' })
-  h('label', { class: 'plot-trace', style: `--trace: var(--${COLOURS[i]})` }, select, now)
+  traceLabel(i, select, now)
   return { select, offer, now, ticks: [0, 1], values: [] }
 }
 
-function options(
-  width: number,
-  traces: Trace[],
-  colours: Record<(typeof COLOURS)[number] | 'grid' | 'muted', string>,
-  seconds: () => number,
-): uPlot.Options {
-  const font = '13px system-ui, sans-serif'
-  const range = (i: number) => (): uPlot.Range.MinMax => {
-    const ticks = traces[i].ticks
-    return [ticks[0], ticks[ticks.length - 1]]
-  }
-  const axis = (i: number): uPlot.Axis => ({
-    scale: `y${i}`,
-    side: i === 0 ? 3 : 1,
-    size: AXIS,
-    gap: 4,
-    font,
-    stroke: () => colours[COLOURS[i]],
-    grid: i === 0 ? { stroke: () => colours.grid, width: 1 } : { show: false },
-    ticks: { show: false },
-    splits: () => (traces[i].select.value === NOTHING ? [] : traces[i].ticks),
-    values: (_, splits) => splits.map((value) => tickText(value, (splits[1] ?? 1) - (splits[0] ?? 0))),
-  })
-  const line = (i: number): uPlot.Series => ({
-    scale: `y${i}`,
-    stroke: () => colours[COLOURS[i]],
-    width: 1.5,
-    points: { show: false },
-  })
-  return {
+function options(width: number, traces: Scalar[], colours: PlotColours, seconds: () => number): uPlot.Options {
+  return twoAxes(traces, colours, {
     width,
     height: HEIGHT,
     padding: [6, 0, 0, 0],
-    legend: { show: false },
-    cursor: { show: false },
-    scales: {
-      x: { time: false, range: () => [-seconds(), 0] },
-      y0: { range: range(0) },
-      y1: { range: range(1) },
+    axis: AXIS,
+    lineWidth: 1.5,
+    series: [0, 1],
+    range: () => [-seconds(), 0],
+    x: {
+      size: 20,
+      gap: 2,
+      font: FONT,
+      stroke: () => colours.muted,
+      grid: { stroke: () => colours.grid, width: 1 },
+      ticks: { show: false },
+      splits: () => [-0.75, -0.5, -0.25].map((share) => share * seconds()),
+      values: (_, splits) => splits.map((value) => `${fixed(value, value % 1 ? 1 : 0)} s`),
     },
-    series: [{}, line(0), line(1)],
-    axes: [
-      {
-        size: 20,
-        gap: 2,
-        font,
-        stroke: () => colours.muted,
-        grid: { stroke: () => colours.grid, width: 1 },
-        ticks: { show: false },
-        splits: () => [-0.75, -0.5, -0.25].map((share) => share * seconds()),
-        values: (_, splits) => splits.map((value) => `${fixed(value, value % 1 ? 1 : 0)} s`),
-      },
-      axis(0),
-      axis(1),
-    ],
-  }
+  })
 }

@@ -1,27 +1,27 @@
 // Two signals over the whole recording, with the least and the greatest value of each column of pixels.
 import uPlot from 'uplot'
-import 'uplot/dist/uPlot.min.css'
 
 import { PLOTS } from '../channels'
 import type { Curve } from '../messages'
-import { watchColours } from '../panels/colours'
 import { h } from '../panels/element'
 import { choice } from '../panels/fields'
 import { loadPreference, savePreference } from '../panels/preferences'
-import { niceTicks, tickText } from '../panels/scales'
+import { niceTicks } from '../panels/scales'
+import {
+  groupedOptions,
+  NOTHING,
+  type PlotColours,
+  plotColours,
+  type Trace,
+  traceLabel,
+  twoAxes,
+} from '../panels/two_axes'
 import type { Range } from './window'
 
 /** Width of the axis at each side [px]; the marks have the same margins. */
 export const AXIS = 48
 const HEIGHT = 120
-const NOTHING = 'none'
-const COLOURS = ['plot-1', 'plot-2'] as const
 const FIRST = ['speed', 'steering'] as const
-
-interface Trace {
-  select: HTMLSelectElement
-  ticks: number[]
-}
 
 type Columns = (number | null)[]
 
@@ -40,17 +40,13 @@ export function runPlot(onChoice: () => void): RunPlot {
   const element = h(
     'div',
     { class: 'run-plot', testid: 'run-plot' },
-    h('div', { class: 'run-plot-legend' }, ...traces.map((one) => one.select.parentElement)),
+    h('div', { class: 'run-plot-legend' }, ...traces.map(({ select }) => select.parentElement)),
     canvas,
   )
-  const colours = { 'plot-1': '', 'plot-2': '', grid: '', muted: '' }
+  const colours = plotColours(() => chart)
   let shown: Range = { start: 0, end: 1 }
   let chart: uPlot | null = null
   let latest: [Record<string, Curve>, Range] | null = null
-  watchColours(['plot-1', 'plot-2', 'grid', 'muted'], (now) => {
-    Object.assign(colours, now)
-    chart?.redraw(false)
-  })
   new ResizeObserver(() => latest && draw(...latest)).observe(canvas)
 
   function draw(curves: Record<string, Curve>, range: Range): void {
@@ -106,68 +102,32 @@ function trace(first: string, i: number, onChoice: () => void): Trace {
   }
   const label = { 'aria-label': `Signal ${i + 1} over the recording`, title: 'Plotted signal' }
   const select = choice(`run-signal-${i}`, choose, label)
-  const groups = new Map<string, HTMLOptGroupElement>()
-  select.append(h('option', { value: NOTHING }, 'None'))
+  const add = groupedOptions(select)
   for (const [id, { group, label, unit, reduction }] of Object.entries(PLOTS)) {
     if (reduction === 'beam') continue // its direction is a choice of each viewer
-    const list = groups.get(group) ?? h('optgroup', { label: group })
-    if (!groups.has(group)) select.append(list)
-    groups.set(group, list)
-    list.append(h('option', { value: id }, unit ? `${label} [${unit}]` : label))
+    add(group, id, unit ? `${label} [${unit}]` : label)
   }
   const kept = loadPreference(key)
   select.value = kept !== null && (kept === NOTHING || kept in PLOTS) ? kept : first
-  h('label', { class: 'plot-trace', style: `--trace: var(--${COLOURS[i]})` }, select)
+  traceLabel(i, select)
   return { select, ticks: [0, 1] }
 }
 
-function options(
-  width: number,
-  traces: Trace[],
-  colours: Record<(typeof COLOURS)[number] | 'grid' | 'muted', string>,
-  range: () => Range,
-): uPlot.Options {
-  const font = '13px system-ui, sans-serif'
-  const scale = (i: number) => (): uPlot.Range.MinMax => [
-    traces[i].ticks[0],
-    traces[i].ticks[traces[i].ticks.length - 1],
-  ]
-  const axis = (i: number): uPlot.Axis => ({
-    scale: `y${i}`,
-    side: i === 0 ? 3 : 1,
-    size: AXIS,
-    gap: 4,
-    font,
-    stroke: () => colours[COLOURS[i]],
-    grid: i === 0 ? { stroke: () => colours.grid, width: 1 } : { show: false },
-    ticks: { show: false },
-    splits: () => (traces[i].select.value === NOTHING ? [] : traces[i].ticks),
-    values: (_, splits) => splits.map((value) => tickText(value, (splits[1] ?? 1) - (splits[0] ?? 0))),
-  })
-  const line = (i: number): uPlot.Series => ({
-    scale: `y${i}`,
-    stroke: () => colours[COLOURS[i]],
-    width: 1,
-    points: { show: false },
-  })
-  return {
+function options(width: number, traces: Trace[], colours: PlotColours, shown: () => Range): uPlot.Options {
+  const axes = twoAxes(traces, colours, {
     width,
     height: HEIGHT,
     padding: [8, 0, 8, 0],
-    legend: { show: false },
-    cursor: { show: false },
-    scales: {
-      x: { time: false, range: () => [range().start, range().end] },
-      y0: { range: scale(0) },
-      y1: { range: scale(1) },
-    },
-    series: [{}, line(0), line(0), line(1), line(1)],
-    bands: [
-      { series: [1, 2], fill: () => faded(colours['plot-1']) },
-      { series: [3, 4], fill: () => faded(colours['plot-2']) },
-    ],
-    axes: [{ show: false }, axis(0), axis(1)],
-  }
+    axis: AXIS,
+    lineWidth: 1,
+    series: [0, 0, 1, 1],
+    range: () => [shown().start, shown().end],
+  })
+  const bands: uPlot.Band[] = [
+    { series: [1, 2], fill: () => faded(colours['plot-1']) },
+    { series: [3, 4], fill: () => faded(colours['plot-2']) },
+  ]
+  return { ...axes, bands }
 }
 
 function faded(colour: string): string {
