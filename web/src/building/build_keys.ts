@@ -1,6 +1,7 @@
 // Keys of Build mode: pieces, turns, mirror images, undo and redo. Keys do not drive meanwhile.
 import { codeOf } from '../driving/keys'
 import type { Editor } from '../editing/editor'
+import { isControlled, listenToModeKeys, undoKeys } from '../editing/mode_keys'
 import type { Store } from '../store'
 import type { Builder } from './builder'
 
@@ -25,32 +26,20 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     Escape: () => builder.cancel(),
   }
   const controlled: Record<string, (isShifted: boolean) => void> = {
-    z: (isShifted) => void (isShifted ? editor.redo() : editor.undo()),
-    y: () => void editor.redo(),
+    ...undoKeys(editor),
     d: () => builder.duplicate(),
     a: () => builder.selectAll(),
   }
 
   function onKey(event: KeyboardEvent): boolean {
-    if (!store.isBuilding.value || event.isComposing || event.altKey) return false
-    if (!(event.target instanceof HTMLElement) || event.target.closest(FIELDS)) return false
+    if (event.altKey || !(event.target instanceof HTMLElement) || event.target.closest(FIELDS)) return false
     if (codeOf(event) === 'Enter' && event.target.closest('button')) return false
-    const isControlled = event.ctrlKey || event.metaKey
-    const act = isControlled ? controlled[event.key.toLowerCase()] : actions[codeOf(event)]
+    const act = isControlled(event) ? controlled[event.key.toLowerCase()] : actions[codeOf(event)]
     if (!(codeOf(event) === 'Enter' && event.repeat)) act?.(event.shiftKey)
     // Enter then sets the piece in hand, and does not press the button once more
     if (builder.hand.value) event.target.closest('button')?.blur()
-    return act !== undefined || (!isControlled && DRIVING.has(codeOf(event)))
+    return act !== undefined || (!isControlled(event) && DRIVING.has(codeOf(event)))
   }
 
-  window.addEventListener(
-    'keydown',
-    (event) => {
-      if (!onKey(event)) return
-      event.preventDefault()
-      event.stopImmediatePropagation()
-    },
-    { capture: true },
-  )
-  store.isBuilding.watch((isBuilding) => isBuilding && stopDriving())
+  listenToModeKeys(store.isBuilding, onKey, stopDriving)
 }

@@ -40,6 +40,8 @@ export type Hand =
   | { kind: 'wall'; points: Point[]; end: Point | null }
   | { kind: 'block'; points: Point[]; end: Point | null }
 
+type HandOf<Kind extends Hand['kind']> = Extract<Hand, { kind: Kind }>
+
 /** Parts that the simulator was asked to set, until an image shows them. */
 interface Placed {
   parts: readonly MapPart[]
@@ -99,6 +101,12 @@ export class Builder {
     return scene ? Object.fromEntries(this.selected.value.map((name) => [name, scene.parts[name]])) : {}
   }
 
+  /** What is in hand, if it is of that kind. */
+  private inHand<Kind extends Hand['kind']>(kind: Kind): HandOf<Kind> | null {
+    const { value } = this.hand
+    return value?.kind === kind ? (value as HandOf<Kind>) : null
+  }
+
   module(part: MapModule): ModuleScene | undefined {
     return this.scene?.modules[part.module]
   }
@@ -136,8 +144,8 @@ export class Builder {
   offer(target: PortPlace): void {
     const names = this.scene ? fittingModules(this.scene, target.width) : []
     if (names.length === 0) return
-    const before = this.hand.value
-    const used = before?.kind === 'module' && names.includes(before.part.module) ? before.part.module : names[0]
+    const before = this.inHand('module')?.part.module
+    const used = before && names.includes(before) ? before : names[0]
     this.select()
     this.join(used, target, this.portAfter(used, target))
     this.actions.view?.showPlace(target.x, target.y)
@@ -146,27 +154,24 @@ export class Builder {
   /** Names of the modules between which the arrow keys step. */
   get offered(): string[] {
     const { scene } = this
-    const hand = this.hand.value
+    const target = this.inHand('module')?.target
     if (!scene) return []
-    return hand?.kind === 'module' && hand.target
-      ? fittingModules(scene, hand.target.width)
-      : Object.keys(scene.modules)
+    return target ? fittingModules(scene, target.width) : Object.keys(scene.modules)
   }
 
   /** Takes the next or the previous piece. */
   step(by: 1 | -1): void {
-    const hand = this.hand.value
+    const hand = this.inHand('module')
     const names = this.offered
-    if (hand?.kind !== 'module' || hand.moved || names.length === 0) return
+    if (!hand || hand.moved || names.length === 0) return
     this.change(names[(names.indexOf(hand.part.module) + by + names.length) % names.length])
   }
 
   /** Takes another piece at the same place. */
   change(name: string): void {
-    const hand = this.hand.value
-    if (hand?.kind !== 'module') return
-    if (hand.target) this.join(name, hand.target)
-    else this.take(name, [hand.part.x, hand.part.y])
+    const hand = this.inHand('module')
+    if (hand?.target) this.join(name, hand.target)
+    else if (hand) this.take(name, [hand.part.x, hand.part.y])
   }
 
   /** Goes to the next open end. */
@@ -174,8 +179,7 @@ export class Builder {
     const { scene } = this
     const ports = scene ? freePorts(scene).filter(({ state }) => state !== 'open') : []
     if (ports.length === 0) return
-    const hand = this.hand.value
-    const target = hand?.kind === 'module' ? hand.target : null
+    const target = this.inHand('module')?.target
     const now = ports.findIndex(({ part, name }) => part === target?.part && name === target?.name)
     this.offer(ports[(now + 1) % ports.length])
   }
@@ -183,17 +187,28 @@ export class Builder {
   /** Joins the piece in hand by its next port, or turns what is in hand or selected about its middle. */
   turn(by: 1 | -1): void {
     const hand = this.hand.value
-    if (hand?.kind === 'module' && hand.target) {
-      const module = this.module(hand.part)
-      const names = module ? fittingPorts(module, hand.target.width) : []
-      const port = names[(names.indexOf(hand.port) + by + names.length) % names.length]
-      if (names.length === 1) this.store.notice.value = `${module?.title} has one end: it can be joined in one way.`
-      else this.join(hand.part.module, hand.target, port)
-    } else if (hand?.kind === 'module' || hand?.kind === 'part') {
-      const [part] = Object.values(this.turned({ '': hand.part }, by))
-      this.hand.value = { ...hand, part } as Hand
-    } else if (hand?.kind === 'group') this.hand.value = { ...hand, parts: this.turned(hand.parts, by) }
-    else if (!hand && this.selected.value.length > 0) void this.put(this.turned(this.parts, by))
+    switch (hand?.kind) {
+      case 'module':
+      case 'part': {
+        const [part] = Object.values(this.turned({ '': hand.part }, by))
+        if (hand.kind === 'module' && hand.target) this.joinByNext(hand, hand.target, by)
+        else this.hand.value = { ...hand, part } as Hand
+        break
+      }
+      case 'group':
+        this.hand.value = { ...hand, parts: this.turned(hand.parts, by) }
+        break
+      case undefined:
+        if (this.selected.value.length > 0) void this.put(this.turned(this.parts, by))
+    }
+  }
+
+  /** Joins the module in hand by its next or its previous port. */
+  private joinByNext(hand: HandOf<'module'>, target: PortPlace, by: 1 | -1): void {
+    const module = this.module(hand.part)
+    const names = module ? fittingPorts(module, target.width) : []
+    if (names.length === 1) this.store.notice.value = `${module?.title} has one end: it can be joined in one way.`
+    else this.join(hand.part.module, target, names[(names.indexOf(hand.port) + by + names.length) % names.length])
   }
 
   /** Parts that are turned about their middle: by a quarter if one of them has ports, otherwise by 15 degrees. */
@@ -207,18 +222,18 @@ export class Builder {
 
   /** Mirrors the module in hand or the selected one: it stays joined, or keeps the place of a port. */
   mirror(): void {
-    const hand = this.hand.value
-    const part = hand?.kind === 'module' ? hand.part : hand ? null : this.part
+    const hand = this.inHand('module')
+    const part = hand?.part ?? (this.hand.value ? null : this.part)
     const module = part?.type === 'MapModule' ? this.module(part) : undefined
     if (part?.type !== 'MapModule' || !module) return
-    const by = hand?.kind === 'module' ? hand.port : this.joinedPort(this.selected.value[0])
+    const by = hand ? hand.port : this.joinedPort(this.selected.value[0])
     const port = by && mirrorPort(module, by)
     if (!port) this.store.notice.value = `${module.title} has no mirror image.`
-    else if (hand?.kind === 'module' && hand.target) this.join(part.module, hand.target, port)
+    else if (hand?.target) this.join(part.module, hand.target, port)
     else {
       const from = portAt(part, module.ports[by])
       const mirrored = { ...part, ...meeting(module.ports[port], { ...from, yaw: from.yaw + Math.PI }) }
-      if (hand?.kind === 'module') this.hand.value = { ...hand, port, part: mirrored }
+      if (hand) this.hand.value = { ...hand, port, part: mirrored }
       else void this.put({ [this.selected.value[0]]: mirrored })
     }
   }
@@ -233,60 +248,75 @@ export class Builder {
   /** Moves what is in hand to a point of the ground; it snaps to a port near the pointer unless it `isFree`. */
   moveTo(ground: Point, pointer: Point, project: Projection, isFree: boolean): void {
     const hand = this.hand.value
-    if (!hand) return
-    if (hand.kind === 'wall' || hand.kind === 'block') this.hand.value = { ...hand, end: ground }
-    else if (hand.kind === 'group') {
-      const [x, y] = originOf(Object.values(hand.parts)[0])
-      const shift: Point = [ground[0] - x, ground[1] - y]
-      this.hand.value = { ...hand, shift: (!isFree && this.snapOfGroup(hand, shift, project)) || shift }
-    } else if (hand.kind === 'part') {
-      const [x, y] = originOf(hand.part)
-      this.hand.value = { ...hand, part: movedPart(hand.part, ground[0] - x, ground[1] - y) }
-    } else {
-      const part = { ...hand.part, x: ground[0], y: ground[1] }
-      const module = this.module(part)
-      const targets = this.scene && !isFree ? this.targets(hand.moved) : []
-      const found = module && snapped(module, { pose: part, port: hand.port }, targets, pointer, project)
-      this.hand.value = found
-        ? { ...hand, part: { ...part, ...found.pose }, port: found.port, target: found.target }
-        : { ...hand, part, target: null }
+    const shiftOf = (part: MapPart): Point => [ground[0] - originOf(part)[0], ground[1] - originOf(part)[1]]
+    switch (hand?.kind) {
+      case 'wall':
+      case 'block':
+        this.hand.value = { ...hand, end: ground }
+        break
+      case 'group': {
+        const shift = shiftOf(Object.values(hand.parts)[0])
+        this.hand.value = { ...hand, shift: (!isFree && this.snapOfGroup(hand, shift, project)) || shift }
+        break
+      }
+      case 'part':
+        this.hand.value = { ...hand, part: movedPart(hand.part, ...shiftOf(hand.part)) }
+        break
+      case 'module': {
+        const part = { ...hand.part, x: ground[0], y: ground[1] }
+        const module = this.module(part)
+        const targets = this.scene && !isFree ? this.targets(hand.moved) : []
+        const snap = module && snapped(module, { pose: part, port: hand.port }, targets, pointer, project)
+        this.hand.value = snap
+          ? { ...hand, part: { ...part, ...snap.pose }, port: snap.port, target: snap.target }
+          : { ...hand, part, target: null }
+      }
     }
   }
 
   /** The pointer has left the scene, for a button or another piece: the piece in hand is at its open end again. */
   leave(): void {
-    const hand = this.hand.value
-    if (hand?.kind === 'module' && hand.end && hand.target !== hand.end && !hand.moved)
-      this.join(hand.part.module, hand.end, hand.port)
+    const hand = this.inHand('module')
+    if (hand?.end && hand.target !== hand.end && !hand.moved) this.join(hand.part.module, hand.end, hand.port)
   }
 
   /** Adds a point of a wall or block; the wall is closed by a click near its first point. */
   addPoint(point: Point, isAtStart: boolean): void {
-    const hand = this.hand.value
-    if (hand?.kind !== 'wall' && hand?.kind !== 'block') return
-    if (hand.kind === 'wall' && isAtStart && hand.points.length > 2) return void this.setWall(hand.points, true)
+    const hand = this.inHand('wall') ?? this.inHand('block')
+    if (!hand) return
     const points = [...hand.points, point]
-    if (hand.kind === 'block' && points.length === 2) void this.setBlock(points)
+    if (hand.kind === 'wall' && isAtStart && hand.points.length > 2) void this.setWall(hand.points, true)
+    else if (hand.kind === 'block' && points.length === 2) void this.setBlock(points)
     else this.hand.value = { ...hand, points }
   }
 
   /** Sets what is in hand; a joined road then goes on at its other end. */
   async set(): Promise<void> {
     const hand = this.hand.value
-    if (!hand) return
-    if (hand.kind === 'block') return
-    if (hand.kind === 'wall') return this.setWall(hand.points, false)
-    if (hand.kind === 'group') {
-      const isSet = this.put(mapped(hand.parts, (part) => movedPart(part, ...hand.shift)))
-      this.hand.value = null
-      if (await isSet) this.selected.value = Object.keys(hand.parts)
-      return
+    switch (hand?.kind) {
+      case 'wall':
+        return this.setWall(hand.points, false)
+      case 'group':
+        return this.setGroup(hand)
+      case 'module':
+      case 'part':
+        return this.setPart(hand)
     }
+  }
+
+  private async setGroup({ parts, shift }: HandOf<'group'>): Promise<void> {
+    const isSet = this.put(mapped(parts, (part) => movedPart(part, ...shift)))
+    this.hand.value = null
+    if (await isSet) this.selected.value = Object.keys(parts)
+  }
+
+  private async setPart(hand: HandOf<'module' | 'part'>): Promise<void> {
     const name = hand.moved || this.freeName(stemOf(hand.part))
-    const next = hand.kind === 'module' && hand.target && !hand.moved ? this.nextTarget(hand, name) : null
+    const joined = hand.kind === 'module' && hand.target ? hand : null
+    const next = joined && !hand.moved ? this.nextTarget(joined, name) : null
     // the next piece is in hand at once, so that a second Enter does not set this one again
-    if (next && hand.kind === 'module') this.join(hand.part.module, next, hand.port)
-    else if (hand.moved || (hand.kind === 'module' && hand.target)) this.hand.value = null
+    if (joined && next) this.join(joined.part.module, next, joined.port)
+    else if (hand.moved || joined) this.hand.value = null
     const after = this.hand.value
     const isSet = await this.put({ [name]: hand.part })
     // it comes back if it was refused, unless the user has taken something else meanwhile
@@ -334,10 +364,10 @@ export class Builder {
 
   /** Adds the roads from the open end in hand to the nearest other one, or between the selected modules. */
   async close(): Promise<void> {
-    const hand = this.hand.value
+    const target = this.inHand('module')?.target
     const [part, other] = this.selected.value
-    if (hand?.kind === 'module' && hand.target) await this.closeAt(hand.target)
-    else if (!hand && part && this.selected.value.length <= 2)
+    if (target) await this.closeAt(target)
+    else if (!this.hand.value && part && this.selected.value.length <= 2)
       await this.request({ type: 'CloseLoop', part, port: '', other: other ?? '', other_port: '' })
     else this.store.notice.value = 'Choose an open end, or one or two pieces that have open ends.'
   }
@@ -367,11 +397,21 @@ export class Builder {
   duplicate(): void {
     this.lift()
     const hand = this.hand.value
-    if (hand?.kind === 'group') {
-      const copies = Object.entries(hand.parts).map(([name, part]) => [this.freeName(name.replace(/_\d+$/, '')), part])
-      this.hand.value = { kind: 'group', parts: Object.fromEntries(copies), isNew: true, shift: [0.3, 0.3] }
-    } else if (hand?.kind === 'module') this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
-    else if (hand?.kind === 'part') this.hand.value = { ...hand, moved: '', part: movedPart(hand.part, 0.3, 0.3) }
+    switch (hand?.kind) {
+      case 'group': {
+        const copies = Object.entries(hand.parts).map(([name, part]) => [
+          this.freeName(name.replace(/_\d+$/, '')),
+          part,
+        ])
+        this.hand.value = { kind: 'group', parts: Object.fromEntries(copies), isNew: true, shift: [0.3, 0.3] }
+        break
+      }
+      case 'module':
+        this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
+        break
+      case 'part':
+        this.hand.value = { ...hand, moved: '', part: movedPart(hand.part, 0.3, 0.3) }
+    }
   }
 
   async remove(): Promise<void> {
@@ -466,10 +506,16 @@ export class Builder {
     const by = module && (port ?? fittingPorts(module, target.width)[0])
     if (!module || !by) return
     const pose = meeting(module.ports[by], target)
-    const hand = this.hand.value
-    const moved = hand?.kind === 'module' ? hand.moved : ''
-    const part = hand?.kind === 'module' && hand.part.module === name ? hand.part : plain(name)
-    this.hand.value = { kind: 'module', moved, port: by, target, end: target, part: { ...part, ...pose } }
+    const hand = this.inHand('module')
+    const part = hand?.part.module === name ? hand.part : plain(name)
+    this.hand.value = {
+      kind: 'module',
+      moved: hand?.moved ?? '',
+      port: by,
+      target,
+      end: target,
+      part: { ...part, ...pose },
+    }
   }
 
   /** The port by which a module goes on where one of its kind ends: a curve after a curve bends the same way. */
@@ -490,7 +536,7 @@ export class Builder {
   }
 
   /** The other end of a piece that was set, if it is open; the road goes on there. */
-  private nextTarget({ part, port }: Hand & { kind: 'module' }, name: string): PortPlace | null {
+  private nextTarget({ part, port }: HandOf<'module'>, name: string): PortPlace | null {
     const module = this.module(part)
     if (!module || !this.scene) return null
     const others = portsOf(this.scene)
@@ -504,7 +550,7 @@ export class Builder {
   }
 
   /** The shift with which an end of a group in hand meets another end near it. */
-  private snapOfGroup(hand: Hand & { kind: 'group' }, shift: Point, project: Projection): Point | null {
+  private snapOfGroup(hand: HandOf<'group'>, shift: Point, project: Projection): Point | null {
     if (hand.isNew || !this.scene) return null
     const ports = portsOf(this.scene)
     const inside = ports.filter(({ part }) => part in hand.parts)

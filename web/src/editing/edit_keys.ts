@@ -4,6 +4,7 @@ import { whenKeysAreLost } from '../driving/keys_lost'
 import { FIELDS } from '../fields'
 import type { Store } from '../store'
 import type { Editor } from './editor'
+import { isControlled, listenToModeKeys, undoKeys } from './mode_keys'
 
 /** Step of a key [m], [rad]; with Shift the second. */
 const STEP = [0.05, 0.01] as const
@@ -24,17 +25,18 @@ const DRIVING = new Set(['KeyW', 'KeyA', 'KeyS', 'KeyD'])
 
 export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () => void): void {
   const held = new Set<string>()
+  const controlled = undoKeys(editor)
 
   function onKey(event: KeyboardEvent): boolean {
-    const hasAltGr = event.getModifierState('AltGraph') // Windows reports it as Ctrl and Alt
-    if (!store.isEditing.value || event.isComposing || (event.altKey && !hasAltGr)) return false
-    const isControlled = (event.ctrlKey && !hasAltGr) || event.metaKey
-    const step = MOVES[event.key] ?? MOVES[codeOf(event)]
+    if (event.altKey && !event.getModifierState('AltGraph')) return false
     if (event.target instanceof HTMLElement && event.target.closest(FIELDS)) return false
-    if (isControlled && event.key.toLowerCase() === 'z') void (event.shiftKey ? editor.redo() : editor.undo())
-    else if (isControlled && event.key.toLowerCase() === 'y') void editor.redo()
-    else if (isControlled) return false
-    else if (step) move(event, step)
+    const step = MOVES[event.key] ?? MOVES[codeOf(event)]
+    if (isControlled(event)) {
+      const act = controlled[event.key.toLowerCase()]
+      act?.(event.shiftKey)
+      return act !== undefined
+    }
+    if (step) move(event, step)
     else if (event.key === 'Delete') void editor.remove()
     else if (event.key === 'Escape') close()
     else return DRIVING.has(event.code)
@@ -52,15 +54,7 @@ export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () =
     else store.isEditing.value = false
   }
 
-  window.addEventListener(
-    'keydown',
-    (event) => {
-      if (!onKey(event)) return
-      event.preventDefault()
-      event.stopImmediatePropagation()
-    },
-    { capture: true },
-  )
+  listenToModeKeys(store.isEditing, onKey, stopDriving)
   // one edit for all steps until the key is released
   const release = (): void => {
     held.clear()
@@ -70,5 +64,4 @@ export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () =
     if (held.delete(event.code) && held.size === 0) release()
   })
   whenKeysAreLost(() => held.size > 0 && release())
-  store.isEditing.watch((isEditing) => isEditing && stopDriving())
 }

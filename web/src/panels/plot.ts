@@ -46,9 +46,9 @@ export function plot(key: string, first: readonly [string, string]): Plot {
     h('div', { class: 'plot-legend' }, ...traces.map((trace) => trace.select.parentElement)),
     canvas,
   )
-  const colours = plotColours(() => chart)
   const ages: number[] = []
   let chart: uPlot | null = null
+  const colours = plotColours(() => chart)
   let seconds = 0
 
   return {

@@ -43,9 +43,9 @@ export function runPlot(onChoice: () => void): RunPlot {
     h('div', { class: 'run-plot-legend' }, ...traces.map(({ select }) => select.parentElement)),
     canvas,
   )
-  const colours = plotColours(() => chart)
   let shown: Range = { start: 0, end: 1 }
   let chart: uPlot | null = null
+  const colours = plotColours(() => chart)
   let latest: [Record<string, Curve>, Range] | null = null
   new ResizeObserver(() => latest && draw(...latest)).observe(canvas)
 
