@@ -25,7 +25,6 @@ from autodrive.world.rules.traffic.drive import (
     JAM_GAP,
     LOOK,
     STOP_MARGIN,
-    Drivers,
     idm_acceleration,
 )
 
@@ -54,14 +53,14 @@ def run(world: World, ticks: int) -> Frame:
     return world.frame
 
 
-def drivers_of(world: World) -> Drivers:
+def drivers_of(world: World) -> Any:
     """The columns of the drivers of the traffic."""
-    return Drivers(*(column[0] for column in world.row.rules.traffic))
+    return world.row.rules.traffic[0].view(np.recarray)
 
 
 def place_on_link(world: World, name: str, link: int, at: float) -> None:
     """Place a car with its front axle there, in the direction of the link."""
-    roads = world.compiled.fleet.roads
+    roads = world.compiled.fleet.table.roads
     first = int(roads.point_first[link])
     x, y, tx, ty = roads.points[first + round(at / roads.spacing[link])].tolist()
     world.teleport(name, x - WHEELBASE * tx, y - WHEELBASE * ty, math.atan2(ty, tx))
@@ -103,7 +102,7 @@ def test_cars_behind_a_slow_leader_keep_the_gap_of_the_model() -> None:
     run(world, 6000)
     speed = world.compiled.state.vehicle_velocity[1:, 0]
     assert speed == pytest.approx([0.2, 0.2], abs=0.004)
-    length = world.compiled.fleet.roads.length[drivers.link[0]]
+    length = world.compiled.fleet.table.roads.length[drivers.link[0]]
     gap = (drivers.at[0] - drivers.at[1]) % length - SIZE
     expected = (JAM_GAP + 0.2 * HEADWAY) / math.sqrt(1.0 - (0.2 / 0.4) ** 4)
     assert gap == pytest.approx(expected, abs=0.01)
@@ -146,7 +145,7 @@ def test_a_car_that_appears_within_reach_of_the_brakes_is_not_hit(seed: int) -> 
     world = world_of("oval", cars=1, seed=seed)
     run(world, int(rng.integers(200, 900)))
     drivers = drivers_of(world)
-    roads = world.compiled.fleet.roads
+    roads = world.compiled.fleet.table.roads
     link = int(drivers.link[0])
     ahead = SIZE + rng.uniform(0.12, LOOK)  # 0.4 m/s and tyres that hold 5 m/s^2 stop within 2 cm
     place_on_link(world, "V1", link, float((drivers.at[0] + ahead) % roads.length[link]))
@@ -303,7 +302,7 @@ def test_a_car_gives_way_to_a_car_of_the_user_on_the_major_road() -> None:
 
 def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int, float]:
     """The link that ends there, and the place so far before its end."""
-    roads = world.compiled.fleet.roads
+    roads = world.compiled.fleet.table.roads
     for link in range(roads.link_count):
         if math.dist(roads.points[roads.point_first[link + 1] - 1, :2], end) < 1e-6:
             return link, float(roads.length[link]) - before
@@ -394,7 +393,7 @@ def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:
 def test_indicators_say_where_a_car_turns(town: Drive) -> None:
     """From 2.1 m before a turn until its end; against the heading before and after, and without a turn none."""
     turned = {Indicators.LEFT: 0, Indicators.RIGHT: 0}
-    roads = town.world.compiled.fleet.roads
+    roads = town.world.compiled.fleet.table.roads
     for c in range(12):
         before, first, shown = -1, 0.0, set[int]()
         for tick, (link, at, yaw) in enumerate(zip(town.link[:, c], town.at[:, c], town.yaw[:, c], strict=True)):

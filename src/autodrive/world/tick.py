@@ -36,7 +36,6 @@ def _drive_traffic(rows: Rows, k: int) -> None:
         worlds.rules.lights,
         rows.rules.traffic,
         worlds.rules.traffic,
-        rows.thread.rules.traffic,
         worlds.throttle[k],
         worlds.steering[k],
     )
@@ -126,7 +125,7 @@ def step_worlds(pinned: Pinned[Rows], is_stepped: NDArray[np.bool_], first: int,
         for _tick in range(ticks):
             for kind in range(thread.views.warnings.shape[0]):
                 thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
-            if worlds.rules.traffic.link.shape[1] > 0:
+            if worlds.rules.traffic.shape[1] > 0:
                 _drive_traffic(rows, k)
             if not _move(rows, k):
                 collisions.forget(thread.contacts)

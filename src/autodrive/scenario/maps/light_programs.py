@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,6 +20,9 @@ MAX_LIGHTS = 32
 MAX_DURATION = 1e4
 """Longest part of a program [s]."""
 OFF, RED, YELLOW, GREEN = TrafficLightState
+MODES: tuple[Literal["off", "program", "flashing", "set"], ...] = ("off", "program", "flashing", "set")
+"""`TrafficLightFrame.mode` by its number."""
+DARK, PROGRAM, FLASHING, SET = range(4)
 
 
 class LightPhase(Spec):

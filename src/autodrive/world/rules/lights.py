@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +12,11 @@ from autodrive.base.errors import CommandError
 from autodrive.base.jit import jit_uncounted
 from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import TrafficLightFrame, TrafficLightState
-from autodrive.scenario.maps.light_programs import all_programs, light_cycles
+from autodrive.scenario.maps.light_programs import DARK, FLASHING, MODES, PROGRAM, SET, all_programs, light_cycles
 from autodrive.world.compile import CompiledScenario
 
 FLASH_PERIOD = 1.0
 """Period of a flashing light [s]; it is on in the first half."""
-MODES: tuple[Literal["off", "program", "flashing", "set"], ...] = ("off", "program", "flashing", "set")
-"""`TrafficLightFrame.mode` by its number in `LightColumns.mode`."""
-DARK, PROGRAM, FLASHING, SET = range(4)
 NOT_SET = -1
 OFF, YELLOW = int(TrafficLightState.OFF), int(TrafficLightState.YELLOW)
 

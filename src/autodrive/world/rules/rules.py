@@ -36,7 +36,8 @@ class RuleColumns(NamedTuple):
     lights: lights.LightColumns
     stop_lines: stop_lines.StopLineColumns
     radio: radio.RadioColumns
-    traffic: traffic.Drivers
+    traffic: Table
+    """Columns `traffic.DRIVER`, shape (n, drivers)."""
 
 
 class RuleTables(NamedTuple):
@@ -58,7 +59,6 @@ class RuleMemory(NamedTuple):
     road: road.RoadMemory
     stop_lines: stop_lines.StopLineMemory
     radio: radio.RadioMemory
-    traffic: traffic.TrafficMemory
 
 
 def new_columns(c: CompiledScenario, n: int) -> RuleColumns:
@@ -81,7 +81,7 @@ def new_tables(c: CompiledScenario) -> RuleTables:
 
 def new_memory(c: CompiledScenario) -> RuleMemory:
     """Working memory for worlds of the scenario."""
-    return RuleMemory(*(rule.memory(c) for rule in (collisions, road, stop_lines, radio, traffic)))
+    return RuleMemory(*(rule.memory(c) for rule in (collisions, road, stop_lines, radio)))
 
 
 def begin(c: CompiledScenario, columns: RuleColumns, chosen: Integers, seeds: Sequence[int]) -> None:

@@ -19,8 +19,11 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.elementary import atan, atan2
-from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.jit import inlined
+from autodrive.physics.model import Table, columns
 from autodrive.physics.sensors.random_stream import uniform
+from autodrive.physics.state import State
+from autodrive.scenario.maps.light_programs import PROGRAM, SET
 from autodrive.scenario.maps.roads import Roads
 
 SCALE = 14.0
@@ -73,143 +76,89 @@ BOX = -2
 """Stands in the place of the number of a vehicle ahead if a box is ahead."""
 
 
-class Drivers(NamedTuple):
-    """State of n drivers, in the order of their vehicles."""
+DRIVER = columns(
+    link=np.int64,  # of the front axle; -1: off the roads
+    at=np.float64,  # place of the front axle on its link, from the start of the link [m]
+    route=(np.int64, ROUTE),  # links that follow
+    behind=np.int64,  # link that the vehicle has left with its front axle; -1: none
+    granted=np.int64,  # gate that the driver may enter; -1: none
+    has_stopped=np.bool_,  # stood still before the next gate
+    asked=np.int64,  # tick at which the driver came near to the next gate; -1: has not
+    speed=np.float64,  # that the driver commands [m/s]
+    signal=np.int64,  # 1: indicates a turn to the left; -1: to the right; else 0
+    is_braking=np.bool_,  # the brake lamps are on
+    desired=np.float64,  # speed at which the driver likes to drive [m/s]
+    stream=(np.uint64, 3),  # random numbers of the route
+    # written in each tick, before they are read
+    gate=np.int64,  # next gate that is not granted; -1: none
+    exit=np.int64,  # link behind the next gate; -1: none
+    distance=np.float64,  # from the front of the vehicle to where it waits for the next gate [m]
+    is_ready=np.bool_,  # only other vehicles at the gate can keep the driver from entering
+    claim=np.int64,  # waits at the gate for those who are in it: 1, or 2 if it gives way no more; else 0
+    gap=np.float64,  # from the front of the vehicle to the vehicle or box ahead [m]; infinite: none is ahead
+    leader=np.int64,  # number of the vehicle ahead; -1: none; -2: a box is ahead
+    leader_speed=np.float64,  # of the vehicle ahead, along the link [m/s]
+    order=np.int64,  # in the first rows: the drivers who ask for a gate, in the order in which they asked
+)
+"""Columns of the drivers, in the order of their vehicles."""
 
-    link: Integers
-    """Link of the front axle; -1: off the roads, shape (n,)."""
-    at: Floats
-    """Place of the front axle on its link, from the start of the link [m], shape (n,)."""
-    route: Integers
-    """Links that follow, shape (n, ROUTE)."""
-    behind: Integers
-    """Link that the vehicle has left with its front axle; -1: none, shape (n,)."""
-    granted: Integers
-    """Gate that the driver may enter; -1: none, shape (n,)."""
-    has_stopped: Integers
-    """1: stood still before the next gate, shape (n,)."""
-    asked: Integers
-    """Tick at which the driver came near to the next gate; -1: has not, shape (n,)."""
-    speed: Floats
-    """Speed that the driver commands [m/s], shape (n,)."""
-    signal: Integers
-    """1: indicates a turn to the left; -1: to the right; else 0, shape (n,)."""
-    is_braking: Integers
-    """1: the brake lamps are on, shape (n,)."""
-    desired: Floats
-    """Speed at which the driver likes to drive [m/s], shape (n,)."""
-    stream: NDArray[np.uint64]
-    """Random numbers of the route, shape (n, 3)."""
-
-
-class TrafficPlan(NamedTuple):
-    """Working memory of a tick, which the next one does not read; n drivers."""
-
-    gate: Integers
-    """Next gate that is not granted; -1: none, shape (n,)."""
-    exit: Integers
-    """Link behind the next gate; -1: none, shape (n,)."""
-    distance: Floats
-    """Distance from the front of the vehicle to where it waits for the next gate [m], shape (n,)."""
-    is_ready: Integers
-    """1: only other vehicles at the gate can keep the driver from entering, shape (n,)."""
-    is_claimed: Integers
-    """1: waits at the gate for those who are in it, shape (n,)."""
-    gap: Floats
-    """Distance from the front of the vehicle to the vehicle or box ahead [m]; infinite: none is ahead, shape (n,)."""
-    leader: Integers
-    """Number of the vehicle ahead; -1: none; -2: a box is ahead, shape (n,)."""
-    leader_speed: Floats
-    """Speed of the vehicle ahead along the link [m/s], shape (n,)."""
-    order: Integers
-    """Drivers in the order in which they asked, shape (n,)."""
+CAR = columns(
+    driver=np.int64,  # -1: it has none
+    front=np.float64,  # distance from the origin to the front bumper [m]
+    rear=np.float64,  # distance from the rear bumper to the origin [m]
+    half_width=np.float64,  # [m]
+    wheelbase=np.float64,  # [m]
+    steering_limit=np.float64,  # greatest steering angle [rad]
+    top_speed=np.float64,  # at full throttle [m/s]
+)
+"""Columns of what the drivers know of all vehicles of the Model."""
 
 
-def new_drivers(shape: tuple[int, ...]) -> Drivers:
-    """Drivers on no road, in columns of that shape."""
-    return Drivers(
-        link=np.full(shape, NONE, np.int64),
-        at=np.zeros(shape),
-        route=np.full((*shape, ROUTE), NONE, np.int64),
-        behind=np.full(shape, NONE, np.int64),
-        granted=np.full(shape, NONE, np.int64),
-        has_stopped=np.zeros(shape, np.int64),
-        asked=np.full(shape, NONE, np.int64),
-        speed=np.zeros(shape),
-        signal=np.zeros(shape, np.int64),
-        is_braking=np.zeros(shape, np.int64),
-        desired=np.ones(shape),
-        stream=np.zeros((*shape, 3), np.uint64),
-    )
+class TrafficTable(NamedTuple):
+    """What does not change."""
 
-
-@inlined
-def drivers_of(k: int, drivers: Drivers) -> Drivers:
-    """The drivers of world k, from columns of many worlds, whose first axis is the world."""
-    d = drivers
-    return Drivers(
-        d.link[k],
-        d.at[k],
-        d.route[k],
-        d.behind[k],
-        d.granted[k],
-        d.has_stopped[k],
-        d.asked[k],
-        d.speed[k],
-        d.signal[k],
-        d.is_braking[k],
-        d.desired[k],
-        d.stream[k],
-    )
-
-
-def new_plan(n: int) -> TrafficPlan:
-    """Working memory of n drivers."""
-    return TrafficPlan(
-        gate=np.zeros(n, np.int64),
-        exit=np.zeros(n, np.int64),
-        distance=np.zeros(n),
-        is_ready=np.zeros(n, np.int64),
-        is_claimed=np.zeros(n, np.int64),
-        gap=np.zeros(n),
-        leader=np.zeros(n, np.int64),
-        leader_speed=np.zeros(n),
-        order=np.zeros(n, np.int64),
-    )
-
-
-class Bodies(NamedTuple):
-    """Numbers of the v vehicles of the Model and the n drivers that do not change."""
-
-    row: Integers
+    roads: Roads
+    """Roads on which the traffic drives."""
+    cars: Table
+    """Columns `CAR`, shape (v,)."""
+    rows: Integers
     """Number of the vehicle of each driver, shape (n,)."""
-    driver: Integers
-    """Number of the driver of each vehicle; -1: it has none, shape (v,)."""
-    front: Floats
-    """Distance from the origin of each vehicle to its front bumper [m], shape (v,)."""
-    rear: Floats
-    """Distance from the rear bumper of each vehicle to its origin [m], shape (v,)."""
-    half_width: Floats
-    """Half the width of each vehicle [m], shape (v,)."""
-    wheelbase: Floats
-    """Distance between the axles of each vehicle [m], shape (v,)."""
-    steering_limit: Floats
-    """Greatest steering angle of each vehicle [rad], shape (v,)."""
-    box: Integers
+    boxes: Integers
     """Where the poses of the boxes are in `State.qpos`."""
     box_radius: Floats
     """Radius of a circle around each box, from above [m]."""
-    top_speed: Floats
-    """Speed of each vehicle at full throttle [m/s], shape (v,)."""
+    tick: float
+    """Duration of a tick [s]."""
 
 
-class Seen(NamedTuple):
-    """Columns of the State that drivers see."""
+class Traffic(NamedTuple):
+    """All that the n drivers of a world read and write in a tick."""
 
-    qpos: Floats
-    position: Floats
-    orientation: Floats
-    velocity: Floats
+    table: TrafficTable
+    drivers: Table
+    """Columns `DRIVER`, shape (n,)."""
+    state: State
+    light_mode: Integers
+    """`LightColumns.mode` of the world."""
+    light_state: Integers
+    """`LightColumns.state` of the world."""
+    tick: int
+
+
+class Capsule(NamedTuple):
+    """A body from above: all points that are nearer to a line than its radius [m]."""
+
+    x: float
+    """Middle of the line."""
+    y: float
+    """Middle of the line."""
+    along_x: float
+    """Unit vector along the line."""
+    along_y: float
+    """Unit vector along the line."""
+    half_length: float
+    """Half the length of the line."""
+    radius: float
 
 
 @inlined
@@ -225,40 +174,27 @@ def idm_acceleration(speed: float, desired: float, gap: float, closing: float) -
     return free - ACCELERATION * ratio * ratio
 
 
-@jit_uncounted
-def drive(
-    roads: Roads,
-    bodies: Bodies,
-    drivers: Drivers,
-    plan: TrafficPlan,
-    seen: Seen,
-    lights: Integers,
-    tick: int,
-    dt: float,
-    throttle: Floats,
-    steering: Floats,
-) -> None:
-    """Write the commands of this tick [-1, 1] of the vehicles of the traffic, and the state of their drivers.
-
-    `lights`: what each traffic light of the map shows (UNREGULATED to GREEN). `dt`: duration of a tick [s].
-    """
-    n = bodies.row.shape[0]
+@inlined
+def drive(traffic: Traffic, throttle: Floats, steering: Floats) -> None:
+    """Write the commands of this tick [-1, 1] of the vehicles of the traffic, and the state of their drivers."""
+    n = traffic.drivers.shape[0]
     for c in range(n):
-        _locate(c, roads, bodies, drivers, seen)
+        _locate(c, traffic)
     for c in range(n):
-        _look_ahead(c, roads, bodies, drivers, plan, seen)
+        _look_ahead(c, traffic)
     for c in range(n):
-        _note_gate(c, roads, bodies, drivers, plan, seen, lights, tick)
-    _grant_gates(roads, bodies, drivers, plan, seen, tick, dt)
+        _note_gate(c, traffic)
+    _grant_gates(traffic)
     for c in range(n):
-        _command(c, roads, bodies, drivers, plan, seen, dt, throttle, steering)
-        _indicate(c, roads, drivers)
+        _command(c, traffic, throttle, steering)
+        _indicate(c, traffic)
 
 
 @inlined
-def _heading(row: int, seen: Seen) -> tuple[float, float]:
+def _heading(row: int, traffic: Traffic) -> tuple[float, float]:
     """Unit vector of the direction of a vehicle, seen from above."""
-    w, x, y, z = seen.orientation[row, 0], seen.orientation[row, 1], seen.orientation[row, 2], seen.orientation[row, 3]
+    orientation = traffic.state.vehicle_orientation
+    w, x, y, z = orientation[row, 0], orientation[row, 1], orientation[row, 2], orientation[row, 3]
     hx, hy = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
     length = max(sqrt(hx * hx + hy * hy), 1e-9)
     return hx / length, hy / length
@@ -290,49 +226,49 @@ def _drawn(link: int, roads: Roads, stream: NDArray[np.uint64]) -> int:
 
 
 @inlined
-def _front_axle(row: int, bodies: Bodies, seen: Seen) -> tuple[float, float]:
-    hx, hy = _heading(row, seen)
-    return (
-        seen.position[row, 0] + bodies.wheelbase[row] * hx,
-        seen.position[row, 1] + bodies.wheelbase[row] * hy,
-    )
+def _front_axle(row: int, traffic: Traffic) -> tuple[float, float]:
+    hx, hy = _heading(row, traffic)
+    position, wheelbase = traffic.state.vehicle_position, traffic.table.cars[row]["wheelbase"]
+    return position[row, 0] + wheelbase * hx, position[row, 1] + wheelbase * hy
 
 
 @inlined
-def _locate(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, seen: Seen) -> None:
+def _locate(c: int, traffic: Traffic) -> None:
     """Move the place of a driver with its front axle; find it anew if it is off its link."""
-    row = bodies.row[c]
-    x, y = _front_axle(row, bodies, seen)
-    link = drivers.link[c]
+    driver, roads = traffic.drivers[c], traffic.table.roads
+    car = traffic.table.cars[traffic.table.rows[c]]
+    x, y = _front_axle(traffic.table.rows[c], traffic)
+    link = driver["link"]
     if link != NONE:  # the place moves by what the front axle has moved along the link since the last tick
-        px, py, tx, ty = _on_link(link, drivers.at[c], roads)
+        px, py, tx, ty = _on_link(link, driver["at"], roads)
         dx, dy = x - px, y - py
         if dx * dx + dy * dy > LOST * LOST:
             link = NONE
         else:
-            drivers.at[c] = max(0.0, drivers.at[c] + dx * tx + dy * ty)
+            driver["at"] = max(0.0, driver["at"] + dx * tx + dy * ty)
     if link == NONE:
-        _find(c, x, y, roads, bodies, drivers, seen)
+        _find(c, x, y, traffic)
         return
     # behind the end of a link the next one of the route begins, and a new last one is drawn
-    if drivers.at[c] > roads.length[link]:
-        drivers.at[c] -= roads.length[link]
-        drivers.behind[c] = link
-        if drivers.granted[c] == link:
-            drivers.granted[c] = NONE
-        drivers.link[c] = drivers.route[c, 0]
+    if driver["at"] > roads.length[link]:
+        driver["at"] -= roads.length[link]
+        driver["behind"] = link
+        if driver["granted"] == link:
+            driver["granted"] = NONE
+        route = driver["route"]
+        driver["link"] = route[0]
         for k in range(1, ROUTE):
-            drivers.route[c, k - 1] = drivers.route[c, k]
-        drivers.route[c, ROUTE - 1] = _drawn(drivers.route[c, ROUTE - 2], roads, drivers.stream[c])
-    if drivers.behind[c] != NONE and drivers.at[c] > bodies.wheelbase[row] + bodies.rear[row]:
-        drivers.behind[c] = NONE
+            route[k - 1] = route[k]
+        route[ROUTE - 1] = _drawn(route[ROUTE - 2], roads, driver["stream"])
+    if driver["behind"] != NONE and driver["at"] > car["wheelbase"] + car["rear"]:
+        driver["behind"] = NONE
 
 
 @inlined
-def _find(c: int, x: float, y: float, roads: Roads, bodies: Bodies, drivers: Drivers, seen: Seen) -> None:
+def _find(c: int, x: float, y: float, traffic: Traffic) -> None:
     """Look for the nearest place on all links in the direction of a vehicle; a new route begins there."""
-    row = bodies.row[c]
-    hx, hy = _heading(row, seen)
+    driver, roads = traffic.drivers[c], traffic.table.roads
+    hx, hy = _heading(traffic.table.rows[c], traffic)
     least, nearest, at = LOST * LOST, NONE, 0.0
     for link in range(roads.length.shape[0]):
         first = roads.point_first[link]
@@ -341,96 +277,80 @@ def _find(c: int, x: float, y: float, roads: Roads, bodies: Bodies, drivers: Dri
             away = (p[0] - x) * (p[0] - x) + (p[1] - y) * (p[1] - y)
             if away < least and hx * p[2] + hy * p[3] > 0.5:
                 least, nearest, at = away, link, (k - first) * roads.spacing[link]
-    drivers.link[c], drivers.at[c] = nearest, at
-    drivers.behind[c] = drivers.granted[c] = drivers.asked[c] = NONE
-    drivers.has_stopped[c] = 0
+    driver["link"], driver["at"] = nearest, at
+    driver["behind"] = driver["granted"] = driver["asked"] = NONE
+    driver["has_stopped"] = False
     if nearest != NONE:
         before = nearest
         for k in range(ROUTE):
-            before = _drawn(before, roads, drivers.stream[c])
-            drivers.route[c, k] = before
+            before = _drawn(before, roads, driver["stream"])
+            driver["route"][k] = before
 
 
 @inlined
-def _route(c: int, k: int, drivers: Drivers) -> int:
+def _route(c: int, k: int, traffic: Traffic) -> int:
     """The link of a driver (0), and those that follow."""
-    return drivers.link[c] if k == 0 else drivers.route[c, k - 1]
+    driver = traffic.drivers[c]
+    return driver["link"] if k == 0 else driver["route"][k - 1]
 
 
 @inlined
-def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen) -> None:
+def _look_ahead(c: int, traffic: Traffic) -> None:
     """Find the vehicle or box ahead: the first one that is in the way."""
-    plan.gap[c], plan.leader[c], plan.leader_speed[c] = np.inf, NONE, 0.0
-    if drivers.link[c] == NONE:
+    driver, cars, state = traffic.drivers[c], traffic.table.cars, traffic.state
+    driver["gap"], driver["leader"], driver["leader_speed"] = np.inf, NONE, 0.0
+    if driver["link"] == NONE:
         return
-    row = bodies.row[c]
-    reach, own = LOOK, float(bodies.half_width[row]) + SIDE_MARGIN
-    for other in range(bodies.driver.shape[0]):
+    row, reach = traffic.table.rows[c], LOOK
+    nose = cars[row]["front"] - cars[row]["wheelbase"]
+    for other in range(cars.shape[0]):
         if other == row:
             continue
-        # the other vehicle as a capsule: middle, half length of its axis, radius
-        ox, oy = _heading(other, seen)
-        half = bodies.half_width[other]
-        nose, tail = bodies.front[other] - half, half - bodies.rear[other]
-        mx = seen.position[other, 0] + 0.5 * (nose + tail) * ox
-        my = seen.position[other, 1] + 0.5 * (nose + tail) * oy
-        length = 0.5 * (nose - tail)
-        way, between, along = _way_to(c, mx, my, ox, oy, length, half, own, reach, roads, bodies, drivers, seen)
+        ox, oy = _heading(other, traffic)
+        radius = cars[other]["half_width"]
+        front, rear = cars[other]["front"] - radius, radius - cars[other]["rear"]  # ends of the line of the capsule
+        mx = state.vehicle_position[other, 0] + 0.5 * (front + rear) * ox
+        my = state.vehicle_position[other, 1] + 0.5 * (front + rear) * oy
+        way, between, along = _way_to(c, Capsule(mx, my, ox, oy, 0.5 * (front - rear), radius), reach, traffic)
         if way < reach:
             reach = way
-            plan.gap[c] = way + between - (bodies.front[row] - bodies.wheelbase[row])
-            plan.leader[c] = other
-            plan.leader_speed[c] = seen.velocity[other, 0] * along
-    for box in range(bodies.box.shape[0]):
-        x, y = float(seen.qpos[bodies.box[box]]), float(seen.qpos[bodies.box[box] + 1])
-        half = bodies.box_radius[box]
-        way, between, _ = _way_to(c, x, y, 1.0, 0.0, 0.0, half, own, reach, roads, bodies, drivers, seen)
+            driver["gap"], driver["leader"] = way + between - nose, other
+            driver["leader_speed"] = state.vehicle_velocity[other, 0] * along
+    for box in range(traffic.table.boxes.shape[0]):
+        place = traffic.table.boxes[box]
+        x, y = float(state.qpos[place]), float(state.qpos[place + 1])
+        way, between, _ = _way_to(c, Capsule(x, y, 1.0, 0.0, 0.0, traffic.table.box_radius[box]), reach, traffic)
         if way < reach:
             reach = way
-            plan.gap[c] = way + between - (bodies.front[row] - bodies.wheelbase[row])
-            plan.leader[c], plan.leader_speed[c] = BOX, 0.0
+            driver["gap"], driver["leader"], driver["leader_speed"] = way + between - nose, BOX, 0.0
 
 
 @inlined
-def _way_to(
-    c: int,
-    mx: float,
-    my: float,
-    ox: float,
-    oy: float,
-    length: float,
-    half: float,
-    own: float,
-    reach: float,
-    roads: Roads,
-    bodies: Bodies,
-    drivers: Drivers,
-    seen: Seen,
-) -> tuple[float, float, float]:
+def _way_to(c: int, body: Capsule, reach: float, traffic: Traffic) -> tuple[float, float, float]:
     """Way of a driver along its route to where a body is beside or before it [m], at most `reach`.
 
-    Also the distance there from the centre line to that body [m], and the cosine between their directions. The body is
-    a capsule from above: around `mx`, `my`, `length` to both sides along `ox`, `oy`, with the radius `half`. `own`:
-    what the vehicle of the driver needs beside the centre line [m].
+    Also the distance there from the centre line to that body [m], and the cosine between their directions.
     """
-    x, y = _front_axle(bodies.row[c], bodies, seen)
-    hx, hy = _heading(bodies.row[c], seen)
+    driver, row, roads = traffic.drivers[c], traffic.table.rows[c], traffic.table.roads
+    mx, my, ox, oy, length, radius = body
+    x, y = _front_axle(row, traffic)
+    hx, hy = _heading(row, traffic)
     # most bodies are too far away or behind: they are left out before the walk along the route
-    clear = own + half
+    clear = traffic.table.cars[row]["half_width"] + SIDE_MARGIN + radius
     limit = reach + length + clear
     dx, dy = mx - x, my - y
     if dx * dx + dy * dy > limit * limit or dx * hx + dy * hy < -length - clear:
         return reach, 0.0, 0.0
     # walk along the centre lines of the route, every second point, until one is nearer to the capsule than `clear`
-    link, at, way, k = drivers.link[c], drivers.at[c], 0.0, 0
+    link, at, way, k = driver["link"], driver["at"], 0.0, 0
     while way < reach:
         px, py, tx, ty = _on_link(link, at, roads)
         px, py = px - mx, py - my
-        along = min(max(px * ox + py * oy, -length), length)  # nearest place on the axis of the capsule
+        along = min(max(px * ox + py * oy, -length), length)  # nearest place on the line of the capsule
         sx, sy = px - along * ox, py - along * oy
         away = sx * sx + sy * sy
         if away < clear * clear:
-            return way, sqrt(away) - half, ox * tx + oy * ty
+            return way, sqrt(away) - radius, ox * tx + oy * ty
         way += 2.0 * roads.spacing[link]
         at += 2.0 * roads.spacing[link]
         if at > roads.length[link]:  # go on with the next link of the route
@@ -438,126 +358,136 @@ def _way_to(
                 break
             at -= roads.length[link]
             k += 1
-            link = _route(c, k, drivers)
+            link = _route(c, k, traffic)
     return reach, 0.0, 0.0
 
 
 @inlined
-def _is_inside(c: int, roads: Roads, bodies: Bodies, drivers: Drivers) -> bool:
-    """Whether the front of a vehicle is past the line of the gate on which its front axle is."""
-    link = drivers.link[c]
-    if link == NONE or roads.is_gate[link] == 0:
-        return False
-    row = bodies.row[c]
-    front = drivers.at[c] + bodies.front[row] - bodies.wheelbase[row]
-    return front > roads.stop_at[link] + STOP_MARGIN
+def _front(c: int, traffic: Traffic) -> float:
+    """Place of the front bumper of a driver on its link [m]."""
+    car = traffic.table.cars[traffic.table.rows[c]]
+    return traffic.drivers[c]["at"] + car["front"] - car["wheelbase"]
 
 
 @inlined
-def _note_gate(
-    c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen, lights: Integers, tick: int
-) -> None:
+def _is_inside(c: int, traffic: Traffic) -> bool:
+    """Whether the front of a vehicle is past the line of the gate on which its front axle is."""
+    link, roads = traffic.drivers[c]["link"], traffic.table.roads
+    if link == NONE or roads.is_gate[link] == 0:
+        return False
+    return bool(_front(c, traffic) > roads.stop_at[link] + STOP_MARGIN)
+
+
+@inlined
+def _light(link: int, traffic: Traffic) -> int:
+    """What a driver sees of the traffic light of a link (UNREGULATED to GREEN)."""
+    light = traffic.table.roads.light[link]
+    if light == NONE or (traffic.light_mode[light] != PROGRAM and traffic.light_mode[light] != SET):
+        return UNREGULATED
+    return int(traffic.light_state[light])
+
+
+@inlined
+def _note_gate(c: int, traffic: Traffic) -> None:
     """Write the next gate that a driver has to wait for, and whether only vehicles in it can be in the way."""
-    plan.gate[c], plan.exit[c], plan.distance[c] = NONE, NONE, np.inf
-    plan.is_ready[c] = plan.is_claimed[c] = 0
-    if drivers.link[c] == NONE:
+    driver, roads, row = traffic.drivers[c], traffic.table.roads, traffic.table.rows[c]
+    driver["gate"], driver["exit"], driver["distance"] = NONE, NONE, np.inf
+    driver["is_ready"], driver["claim"] = False, 0
+    if driver["link"] == NONE:
         return
-    row = bodies.row[c]
-    speed = seen.velocity[row, 0]
-    front = drivers.at[c] + bodies.front[row] - bodies.wheelbase[row]
+    speed, car = traffic.state.vehicle_velocity[row, 0], traffic.table.cars[row]
     way = 0.0
     for k in range(ROUTE):
-        link = _route(c, k, drivers)
-        if roads.is_gate[link] == 1 and not (k == 0 and _is_inside(c, roads, bodies, drivers)):
-            distance = way + roads.stop_at[link] - front
-            light = UNREGULATED if roads.light[link] == NONE else lights[roads.light[link]]
+        link = _route(c, k, traffic)
+        if roads.is_gate[link] == 1 and not (k == 0 and _is_inside(c, traffic)):
+            distance = way + roads.stop_at[link] - _front(c, traffic)
+            light = _light(link, traffic)
             must_stop = light in (RED, YELLOW)
-            if drivers.granted[c] == link:
+            if driver["granted"] == link:
                 can_stop = distance > speed * speed / (2.0 * YELLOW_BRAKING)
-                if can_stop and (must_stop or _user_comes(link, roads, bodies, seen)):
-                    drivers.granted[c] = NONE
+                if can_stop and (must_stop or _user_comes(link, traffic)):
+                    driver["granted"] = NONE
                 else:
                     way += roads.length[link]
                     continue
-            plan.gate[c], plan.distance[c] = link, distance
-            plan.exit[c] = _route(c, k + 1, drivers)
-            if distance < ASK and drivers.asked[c] == NONE:
-                drivers.asked[c] = tick
-            if speed < STOPPED and distance < 0.5 * (bodies.front[row] + bodies.rear[row]):
-                drivers.has_stopped[c] = 1
-            is_stopped = roads.is_stop[link] == 0 or drivers.has_stopped[c] == 1
-            is_first = (
-                plan.leader[c] == NONE or plan.gap[c] > distance or _has_passed(plan.leader[c], bodies, roads, drivers)
-            )
-            plan.is_ready[c] = not must_stop and is_stopped and is_first
+            driver["gate"], driver["distance"] = link, distance
+            driver["exit"] = _route(c, k + 1, traffic)
+            if distance < ASK and driver["asked"] == NONE:
+                driver["asked"] = traffic.tick
+            if speed < STOPPED and distance < 0.5 * (car["front"] + car["rear"]):
+                driver["has_stopped"] = True
+            is_stopped = roads.is_stop[link] == 0 or driver["has_stopped"]
+            is_first = driver["leader"] == NONE or driver["gap"] > distance or _has_passed(driver["leader"], traffic)
+            driver["is_ready"] = not must_stop and is_stopped and is_first
             return
         way += roads.length[link]
 
 
 @inlined
-def _has_passed(vehicle: int, bodies: Bodies, roads: Roads, drivers: Drivers) -> bool:
+def _has_passed(vehicle: int, traffic: Traffic) -> bool:
     """Whether a vehicle that is ahead does not wait for a gate."""
-    c = NONE if vehicle < 0 else bodies.driver[vehicle]
-    return c != NONE and (drivers.granted[c] != NONE or _is_inside(c, roads, bodies, drivers))
+    c = NONE if vehicle < 0 else traffic.table.cars[vehicle]["driver"]
+    return c != NONE and (traffic.drivers[c]["granted"] != NONE or _is_inside(c, traffic))
 
 
 @inlined
-def _has_room(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan) -> bool:
+def _has_room(c: int, traffic: Traffic) -> bool:
     """Whether the link behind the gate has room for one more vehicle, so that it does not stop in the gate."""
-    link, gate = plan.exit[c], plan.gate[c]
-    row = bodies.row[c]
-    length = bodies.front[row] + bodies.rear[row]
-    leader = plan.leader[c]
-    if leader == BOX or (leader >= 0 and bodies.driver[leader] == NONE):
-        needed = plan.distance[c] + roads.length[gate] - roads.stop_at[gate] + length + JAM_GAP
-        if plan.gap[c] < needed and plan.leader_speed[c] < STOPPED:
+    driver, roads, cars = traffic.drivers[c], traffic.table.roads, traffic.table.cars
+    link, gate, leader = driver["exit"], driver["gate"], driver["leader"]
+    car = cars[traffic.table.rows[c]]
+    length = car["front"] + car["rear"]
+    if leader == BOX or (leader >= 0 and cars[leader]["driver"] == NONE):
+        needed = driver["distance"] + roads.length[gate] - roads.stop_at[gate] + length + JAM_GAP
+        if driver["gap"] < needed and driver["leader_speed"] < STOPPED:
             return False
     if roads.is_gate[link] == 1:
         return True
     room = max(1, int(roads.length[link] / (length + JAM_GAP)))
-    for other in range(bodies.row.shape[0]):
+    for other in range(traffic.drivers.shape[0]):
         if other == c:
             continue
-        if drivers.link[other] == link:
+        if traffic.drivers[other]["link"] == link:
             room -= 1
-        elif drivers.link[other] != NONE:
+        elif traffic.drivers[other]["link"] != NONE:
             for k in range(ROUTE):
-                on = _route(other, k, drivers)
-                is_in = k == 0 and _is_inside(other, roads, bodies, drivers)
-                is_taken = roads.is_gate[on] == 1 and (is_in or drivers.granted[other] == on)
-                if is_taken and _route(other, k + 1, drivers) == link:
+                on = _route(other, k, traffic)
+                is_in = k == 0 and _is_inside(other, traffic)
+                is_taken = roads.is_gate[on] == 1 and (is_in or traffic.drivers[other]["granted"] == on)
+                if is_taken and _route(other, k + 1, traffic) == link:
                     room -= 1
     return room > 0
 
 
 @inlined
-def _is_taken(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan) -> bool:
+def _is_taken(c: int, traffic: Traffic) -> bool:
     """Whether another vehicle is in a gate that crosses or joins the one of a driver, or may enter it."""
-    gate = plan.gate[c]
+    roads, gate = traffic.table.roads, traffic.drivers[c]["gate"]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
         rival, end = roads.conflict[r], roads.conflict_end[r]
-        for other in range(bodies.row.shape[0]):
-            if other == c or drivers.link[other] == NONE:
+        for d in range(traffic.drivers.shape[0]):
+            other, car = traffic.drivers[d], traffic.table.cars[traffic.table.rows[d]]
+            if d == c or other["link"] == NONE:
                 continue
-            row = bodies.row[other]
-            tail = drivers.at[other] - bodies.wheelbase[row] - bodies.rear[row]
-            if drivers.granted[other] == rival and drivers.link[other] != rival:
+            tail = other["at"] - car["wheelbase"] - car["rear"]
+            if other["granted"] == rival and other["link"] != rival:
                 return True
-            is_in = drivers.granted[other] == rival or _is_inside(other, roads, bodies, drivers)
-            if drivers.link[other] == rival and is_in and tail < end:
+            is_in = other["granted"] == rival or _is_inside(d, traffic)
+            if other["link"] == rival and is_in and tail < end:
                 return True
-            if drivers.behind[other] == rival and tail + roads.length[rival] < end:
+            if other["behind"] == rival and tail + roads.length[rival] < end:
                 return True
     return False
 
 
 @inlined
-def _is_user_in(vehicle: int, gate: int, roads: Roads, bodies: Bodies, seen: Seen) -> bool:
+def _is_user_in(vehicle: int, gate: int, traffic: Traffic) -> bool:
     """Whether a vehicle without a driver of the traffic is in a gate, or its middle is, in its direction."""
-    hx, hy = _heading(vehicle, seen)
-    middle = 0.5 * (bodies.front[vehicle] - bodies.rear[vehicle])
-    x, y = seen.position[vehicle, 0] + middle * hx, seen.position[vehicle, 1] + middle * hy
-    near = bodies.half_width[vehicle]
+    roads, car, position = traffic.table.roads, traffic.table.cars[vehicle], traffic.state.vehicle_position
+    hx, hy = _heading(vehicle, traffic)
+    middle = 0.5 * (car["front"] - car["rear"])
+    x, y = position[vehicle, 0] + middle * hx, position[vehicle, 1] + middle * hy
+    near = car["half_width"]
     first = roads.point_first[gate]
     for k in range(first, roads.point_first[gate + 1], 3):
         p = roads.points[k]
@@ -569,155 +499,150 @@ def _is_user_in(vehicle: int, gate: int, roads: Roads, bodies: Bodies, seen: See
 
 
 @inlined
-def _must_yield(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen) -> bool:
+def _must_yield(c: int, traffic: Traffic) -> bool:
     """Whether a vehicle with the right of way comes before the critical gap is over."""
-    gate = plan.gate[c]
+    roads, gate = traffic.table.roads, traffic.drivers[c]["gate"]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
         if roads.yields[r] != 1:
             continue
-        for other in range(bodies.row.shape[0]):
-            if other != c and plan.gate[other] == roads.conflict[r] and plan.is_ready[other] == 1:
-                speed = max(seen.velocity[bodies.row[other], 0], 0.1)
-                if plan.distance[other] < speed * roads.critical_gap[gate]:
+        for d in range(traffic.drivers.shape[0]):
+            other = traffic.drivers[d]
+            if d != c and other["gate"] == roads.conflict[r] and other["is_ready"]:
+                speed = max(traffic.state.vehicle_velocity[traffic.table.rows[d], 0], 0.1)
+                if other["distance"] < speed * roads.critical_gap[gate]:
                     return True
     return False
 
 
 @inlined
-def _user_comes(gate: int, roads: Roads, bodies: Bodies, seen: Seen) -> bool:
+def _user_comes(gate: int, traffic: Traffic) -> bool:
     """Whether a vehicle that the traffic does not drive is where it crosses or joins a gate, or comes before the gap.
 
     It has the right of way unless a sign says otherwise.
     """
+    roads, cars, state = traffic.table.roads, traffic.table.cars, traffic.state
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
         rival = roads.conflict[r]
         x, y, tx, ty = _on_link(int(rival), float(roads.stop_at[rival]), roads)  # the stop line of the rival gate
-        for vehicle in range(bodies.driver.shape[0]):
-            if bodies.driver[vehicle] != NONE:
+        for vehicle in range(cars.shape[0]):
+            car = cars[vehicle]
+            if car["driver"] != NONE:
                 continue
-            if _is_user_in(vehicle, rival, roads, bodies, seen):
+            if _is_user_in(vehicle, rival, traffic):
                 return True
             # in the axes of the vehicle: how far the line is ahead of its front, and beside it
-            hx, hy = _heading(vehicle, seen)
-            dx, dy = x - seen.position[vehicle, 0], y - seen.position[vehicle, 1]
-            ahead, aside = dx * hx + dy * hy - bodies.front[vehicle], dy * hx - dx * hy
-            speed, length = seen.velocity[vehicle, 0], bodies.front[vehicle] + bodies.rear[vehicle]
+            hx, hy = _heading(vehicle, traffic)
+            dx, dy = x - state.vehicle_position[vehicle, 0], y - state.vehicle_position[vehicle, 1]
+            ahead, aside = dx * hx + dy * hy - car["front"], dy * hx - dx * hy
+            speed, length = state.vehicle_velocity[vehicle, 0], car["front"] + car["rear"]
             is_near = speed > STOPPED and -length < ahead < speed * roads.critical_gap[gate]
-            is_on_lane = abs(aside) < bodies.half_width[vehicle] and hx * tx + hy * ty > 0.8
+            is_on_lane = abs(aside) < car["half_width"] and hx * tx + hy * ty > 0.8
             if roads.yields[r] >= 0 and is_near and is_on_lane:
                 return True
     return False
 
 
 @inlined
-def _is_claimed(c: int, roads: Roads, plan: TrafficPlan) -> bool:
+def _is_claimed(c: int, traffic: Traffic) -> bool:
     """Whether a driver who asked before waits at a gate that crosses or joins, and need not give way."""
-    gate = plan.gate[c]
+    roads, gate = traffic.table.roads, traffic.drivers[c]["gate"]
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
-        for other in range(plan.gate.shape[0]):
-            is_waiting = plan.is_claimed[other] > 0 and plan.gate[other] == roads.conflict[r]
-            if is_waiting and (roads.yields[r] >= 0 or plan.is_claimed[other] == 2):
+        for d in range(traffic.drivers.shape[0]):
+            other = traffic.drivers[d]
+            is_waiting = other["claim"] > 0 and other["gate"] == roads.conflict[r]
+            if is_waiting and (roads.yields[r] >= 0 or other["claim"] == 2):
                 return True
     return False
 
 
 @inlined
-def _grant_gates(
-    roads: Roads, bodies: Bodies, drivers: Drivers, plan: TrafficPlan, seen: Seen, tick: int, dt: float
-) -> None:
+def _grant_gates(traffic: Traffic) -> None:
     """Let drivers enter their gates, in the order in which they asked."""
-    n = bodies.row.shape[0]
+    drivers = traffic.drivers
     # sort those who ask by the tick at which they asked: each is inserted behind all that asked before
     count = 0
-    for c in range(n):
-        if plan.is_ready[c] == 1 and drivers.asked[c] != NONE and plan.distance[c] < ASK:
+    for c in range(drivers.shape[0]):
+        if drivers[c]["is_ready"] and drivers[c]["asked"] != NONE and drivers[c]["distance"] < ASK:
             k = count
-            while k > 0 and drivers.asked[plan.order[k - 1]] > drivers.asked[c]:
-                plan.order[k] = plan.order[k - 1]
+            while k > 0 and drivers[drivers[k - 1]["order"]]["asked"] > drivers[c]["asked"]:
+                drivers[k]["order"] = drivers[k - 1]["order"]
                 k -= 1
-            plan.order[k] = c
+            drivers[k]["order"] = c
             count += 1
     # let them enter one by one; who has waited too long gives way no more
     for k in range(count):
-        c = plan.order[k]
-        if not _has_room(c, roads, bodies, drivers, plan):
+        c = drivers[k]["order"]
+        driver = drivers[c]
+        if not _has_room(c, traffic):
             continue
-        is_patient = (tick - drivers.asked[c]) * dt < PATIENCE
+        is_patient = (traffic.tick - driver["asked"]) * traffic.table.tick < PATIENCE
         if (
-            _is_claimed(c, roads, plan)
-            or _is_taken(c, roads, bodies, drivers, plan)
-            or _user_comes(int(plan.gate[c]), roads, bodies, seen)
-            or (is_patient and _must_yield(c, roads, bodies, drivers, plan, seen))
+            _is_claimed(c, traffic)
+            or _is_taken(c, traffic)
+            or _user_comes(int(driver["gate"]), traffic)
+            or (is_patient and _must_yield(c, traffic))
         ):
-            if plan.distance[c] < AT_LINE:
-                plan.is_claimed[c] = 1 if is_patient else 2
+            if driver["distance"] < AT_LINE:
+                driver["claim"] = 1 if is_patient else 2
             continue
-        drivers.granted[c] = plan.gate[c]
-        drivers.asked[c], drivers.has_stopped[c] = NONE, 0
-        plan.gate[c] = NONE
+        driver["granted"] = driver["gate"]
+        driver["asked"], driver["has_stopped"] = NONE, False
+        driver["gate"] = NONE
 
 
 @inlined
-def _command(
-    c: int,
-    roads: Roads,
-    bodies: Bodies,
-    drivers: Drivers,
-    plan: TrafficPlan,
-    seen: Seen,
-    dt: float,
-    throttle: Floats,
-    steering: Floats,
-) -> None:
+def _command(c: int, traffic: Traffic, throttle: Floats, steering: Floats) -> None:
     """Write the commands of a driver."""
-    row = bodies.row[c]
-    link = drivers.link[c]
+    driver, row, dt = traffic.drivers[c], traffic.table.rows[c], traffic.table.tick
+    car = traffic.table.cars[row]
     throttle[row] = steering[row] = 0.0
-    if link == NONE:
-        drivers.speed[c], drivers.is_braking[c] = 0.0, 1
+    if driver["link"] == NONE:
+        driver["speed"], driver["is_braking"] = 0.0, True
         return
     # speed: the one commanded before, but close to the actual one, and from it the acceleration of the model
-    actual, desired = seen.velocity[row, 0], drivers.desired[c]
-    speed = min(max(drivers.speed[c], actual - 0.1), max(actual, 0.0) + 0.1)
+    actual, desired, distance = traffic.state.vehicle_velocity[row, 0], driver["desired"], driver["distance"]
+    speed = min(max(driver["speed"], actual - 0.1), max(actual, 0.0) + 0.1)
     before = speed
-    acceleration = idm_acceleration(speed, desired, plan.gap[c], speed - plan.leader_speed[c])
-    if plan.gate[c] != NONE:  # the stop line is like the end of a standing vehicle
-        gap = plan.distance[c] - STOP_MARGIN + JAM_GAP
+    acceleration = idm_acceleration(speed, desired, driver["gap"], speed - driver["leader_speed"])
+    if driver["gate"] != NONE:  # the stop line is like the end of a standing vehicle
+        gap = distance - STOP_MARGIN + JAM_GAP
         acceleration = min(acceleration, idm_acceleration(speed, desired, gap, speed))
     speed += acceleration * dt
-    if plan.gate[c] != NONE:  # the model alone may stop a little behind the line
-        speed = min(speed, sqrt(2.0 * YELLOW_BRAKING * max(plan.distance[c] - LINE_MARGIN, 0.0)))
-    drivers.speed[c] = min(max(speed, 0.0), bodies.top_speed[row])
+    if driver["gate"] != NONE:  # the model alone may stop a little behind the line
+        speed = min(speed, sqrt(2.0 * YELLOW_BRAKING * max(distance - LINE_MARGIN, 0.0)))
+    speed = min(max(speed, 0.0), car["top_speed"])
+    driver["speed"] = speed
     # brake lamps, with a hysteresis
-    deceleration = (before - drivers.speed[c]) / dt
-    is_standing = drivers.speed[c] < STOPPED and deceleration >= 0.0
+    deceleration = (before - speed) / dt
+    is_standing = speed < STOPPED and deceleration >= 0.0
     if is_standing or deceleration > BRAKE_ON:
-        drivers.is_braking[c] = 1
+        driver["is_braking"] = True
     elif deceleration < BRAKE_OFF:
-        drivers.is_braking[c] = 0
-    throttle[row] = drivers.speed[c] / bodies.top_speed[row]
+        driver["is_braking"] = False
+    throttle[row] = speed / car["top_speed"]
     # steering (Hoffmann, (5)): the angle to the direction of the link, less one that grows with the cross-track error
-    x, y = _front_axle(row, bodies, seen)
-    hx, hy = _heading(row, seen)
-    px, py, tx, ty = _on_link(link, drivers.at[c], roads)
+    x, y = _front_axle(row, traffic)
+    hx, hy = _heading(row, traffic)
+    px, py, tx, ty = _on_link(driver["link"], driver["at"], traffic.table.roads)
     left = tx * (y - py) - ty * (x - px)
     turn = atan2(hx * ty - hy * tx, hx * tx + hy * ty)
     angle = turn - atan(STEERING_GAIN * left / (max(actual, 0.0) + STEERING_SPEED))
-    steering[row] = min(max(angle / bodies.steering_limit[row], -1.0), 1.0)
+    steering[row] = min(max(angle / car["steering_limit"], -1.0), 1.0)
 
 
 @inlined
-def _indicate(c: int, roads: Roads, drivers: Drivers) -> None:
+def _indicate(c: int, traffic: Traffic) -> None:
     """Write the indicators of a driver: the next turn on the route, until the front axle has left it."""
-    drivers.signal[c] = 0
-    if drivers.link[c] == NONE:
+    driver, roads = traffic.drivers[c], traffic.table.roads
+    driver["signal"] = 0
+    if driver["link"] == NONE:
         return
-    way = -drivers.at[c]
+    way = -driver["at"]
     for k in range(ROUTE + 1):
-        link = _route(c, k, drivers)
+        link = _route(c, k, traffic)
         if way > SIGNAL:
             return
         if roads.turn[link] != 0:
-            drivers.signal[c] = roads.turn[link]
+            driver["signal"] = roads.turn[link]
             return
         way += roads.length[link]

@@ -12,7 +12,7 @@ from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import Map
 from autodrive.scenario.maps.roads import NO_ROADS, roads
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.rules.traffic.drive import NONE, Bodies
+from autodrive.world.rules.traffic.drive import CAR, NONE, TrafficTable
 from autodrive.world.rules.traffic.start import chosen_places, clearance, reach, start_places
 
 SLOWEST = 0.85
@@ -35,28 +35,30 @@ class Fleet:
         `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
         """
         self.names = names = spec.traffic.names
-        self.roads = NO_ROADS
+        links = NO_ROADS
         self._places: list[tuple[float, float, float]] = []
         self._length = 0.0
         if names:
             vehicle = vehicles[names[0]]
-            self.roads = roads(map_, clearance(vehicle))
-            self._places = start_places(self.roads, vehicle)
+            links = roads(map_, clearance(vehicle))
+            self._places = start_places(links, vehicle)
             self._length = sum(reach(vehicle))
         self._speed = spec.traffic.speed
         order = list(vehicles)
-        top = [table[i]["drive_speed_limit"] * vehicle.wheels.radius for i, vehicle in enumerate(vehicles.values())]
-        self.bodies = Bodies(
-            row=np.array([order.index(name) for name in names], np.int64),
-            driver=np.array([names.index(name) if name in names else NONE for name in order], np.int64),
-            front=np.array([reach(vehicle)[0] for vehicle in vehicles.values()]),
-            rear=np.array([reach(vehicle)[1] for vehicle in vehicles.values()]),
-            half_width=np.array([vehicle.size[1] / 2.0 for vehicle in vehicles.values()]),
-            wheelbase=np.array([vehicle.wheelbase for vehicle in vehicles.values()]),
-            steering_limit=np.array(table["steering_limit"]),
-            box=np.array([at for at, _ in boxes], np.int64),
+        cars = np.zeros(len(order), CAR)
+        for car, parameters, (name, vehicle) in zip(cars, table, vehicles.items(), strict=True):
+            car["driver"] = names.index(name) if name in names else NONE
+            car["front"], car["rear"] = reach(vehicle)
+            car["half_width"], car["wheelbase"] = vehicle.size[1] / 2.0, vehicle.wheelbase
+            car["steering_limit"] = parameters["steering_limit"]
+            car["top_speed"] = parameters["drive_speed_limit"] * vehicle.wheels.radius
+        self.table = TrafficTable(
+            roads=links,
+            cars=cars,
+            rows=np.array([order.index(name) for name in names], np.int64),
+            boxes=np.array([at for at, _ in boxes], np.int64),
             box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
-            top_speed=np.array(top),
+            tick=spec.tick,
         )
 
     def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
@@ -67,4 +69,4 @@ class Fleet:
     def desired_speed(self, driver: int, random: np.random.Generator) -> float:
         """Speed at which a driver likes to drive [m/s]."""
         share = SLOWEST + (1.0 - SLOWEST) * random.random()
-        return share * min(self._speed, float(self.bodies.top_speed[self.bodies.row[driver]]))
+        return share * min(self._speed, float(self.table.cars["top_speed"][self.table.rows[driver]]))
