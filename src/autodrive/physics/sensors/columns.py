@@ -95,6 +95,12 @@ class StatePoses(NamedTuple):
     """Shape (n_shape, 9)."""
 
 
+@inlined
+def poses_of(motion: Motion) -> StatePoses:
+    """Views of the present poses."""
+    return StatePoses(motion.vehicle_position, motion.vehicle_orientation, motion.shape_position, motion.shape_rotation)
+
+
 class Working(NamedTuple):
     """Working memory of the sensors."""
 

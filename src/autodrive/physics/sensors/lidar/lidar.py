@@ -12,10 +12,17 @@ from pydantic import Field, model_validator
 from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined
-from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
+from autodrive.physics.sensors.columns import (
+    Due,
+    Memory,
+    ReadingColumns,
+    mount_orientation,
+    mount_position,
+    poses_of,
+)
 from autodrive.physics.sensors.lidar.fan import cast_fan
 from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
-from autodrive.physics.sensors.lidar.sweep import Timing, cast_sweep
+from autodrive.physics.sensors.lidar.sweep import RollingScan, Timing, cast_sweep
 from autodrive.physics.sensors.lidar.weather import THRESHOLD, WEATHER, pass_weather
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
 from autodrive.protocol.messages import LidarScan
@@ -72,40 +79,31 @@ def _sweep(due: Due, row: Any, memory: Memory) -> None:
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
     progress, inverse_range = memory.readings.sweep[k, i], memory.readings.sweep_ranges[k, i, :rays]
-    before, motion, sensors = memory.working.before, memory.motion, memory.sensors
-    numerator, denominator = sensors.substep
+    numerator, denominator = memory.sensors.substep
     time_before = (due.now - due.substeps) * numerator / denominator
+    scan = RollingScan(
+        vehicle=i,
+        mount_position=mount_position(due, row),
+        mount_orientation=mount_orientation(due, row),
+        cosines=memory.sensors.rays[2, first:last],
+        sines=memory.sensors.rays[3, first:last],
+        range_max=row["scan_range_max"],
+        inverse_range=inverse_range,
+        hits=memory.readings.sweep_hits[k, i, :rays],
+    )
+    timing, before, after = (
+        Timing(row["scan_rate"], row["time_increment"]),
+        memory.working.before,
+        poses_of(memory.motion),
+    )
+    shapes, near = memory.shapes, memory.working.near
     while True:
         progress[1] = cast_sweep(
-            before.position[i],
-            before.orientation[i],
-            before.shape_position,
-            before.shape_rotation,
-            motion.vehicle_position[i],
-            motion.vehicle_orientation[i],
-            motion.shape_position,
-            motion.shape_rotation,
-            mount_position(due, row),
-            mount_orientation(due, row),
-            sensors.rays[2, first:last],
-            sensors.rays[3, first:last],
-            Timing(row["scan_rate"], row["time_increment"]),
-            progress[0],
-            progress[1],
-            time_before,
-            due.time,
-            row["scan_range_max"],
-            i,
-            memory.shapes,
-            memory.working.near,
-            inverse_range,
-            memory.readings.sweep_hits[k, i, :rays],
+            scan, timing, progress[0], progress[1], before, time_before, after, due.time, shapes, near
         )
         if progress[1] < rays:
             return
-        _measure_ranges(
-            due, row, memory, progress[0] / row["scan_rate"], inverse_range, memory.readings.sweep_hits[k, i, :rays]
-        )
+        _measure_ranges(due, row, memory, progress[0] / timing.rate, inverse_range, scan.hits)
         progress[0] += 1
         progress[1] = 0
 
