@@ -53,10 +53,28 @@ def test_each_column_has_the_least_and_the_greatest_value(
         assert np.isfinite(whole).all()
 
 
-def test_the_nearest_return_of_the_lidar_is_a_curve_with_gaps(overview: Overview) -> None:
-    curve = overview.curves(PlotRecording("V1", ["nearest"], 0.0, 1.0, columns=100))["nearest"]
-    assert 3 <= np.isfinite(curve.low).sum() <= 10  # 7 scans a second
-    assert np.nanmin(curve.low) > 0
+@pytest.mark.parametrize("end", [None, 0.9], ids=["all", "part"])
+@pytest.mark.parametrize("plot", ["speed", "nearest"])
+def test_a_curve_of_many_columns_keeps_each_value_until_the_next(
+    overview: Overview, drive: Drive, plot: str, end: float | None
+) -> None:
+    request = PlotRecording("V1", [plot], 0.0, end, columns=2000)
+    overview.curves(request)
+    wait_until(lambda: overview.share == 1.0)
+    curve = overview.curves(request)[plot]
+    with recording.open(drive.path) as opened:
+        frames = [frame.vehicles["V1"] for _, frame in opened.moments()]
+    known = {float(vehicle.velocity[0]) for vehicle in frames}
+    if plot == "nearest":
+        known = {
+            min(range_ for range_ in vehicle.lidar.ranges if np.isfinite(range_)) for vehicle in frames if vehicle.lidar
+        }
+    first, last = np.flatnonzero(np.isfinite(curve.low))[[0, -1]]
+    assert np.isfinite(curve.low[first:last]).all()
+    for values in (curve.low, curve.high):
+        nearest = np.abs(values[first:last, None] - np.array(sorted(known))).min(1)
+        assert nearest.max() < 1e-6
+    assert last - first > 1500  # the last scan comes at most 1/7 s before the end
 
 
 def test_what_does_not_exist_is_named(overview: Overview) -> None:

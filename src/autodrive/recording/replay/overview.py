@@ -26,6 +26,9 @@ SHORT = 120.0
 
 log = logging.getLogger(__name__)
 
+HOLD = 1.0
+"""Time [s] for which a signal keeps its value at most where no sample follows."""
+
 Columns: TypeAlias = NDArray[np.float32]
 Block: TypeAlias = list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
 """Plot, times from the start of the recording [s] and values."""
@@ -45,6 +48,8 @@ class Overview:
         self._recording = recording
         self._low: dict[tuple[str, str], Columns] = {}
         self._high: dict[tuple[str, str], Columns] = {}
+        self._is_sampled: dict[tuple[str, str], NDArray[np.bool_]] = {}
+        """Which parts have a sample, also one that is not finite."""
         self._lock = threading.Lock()
         """Held while the file is read."""
         self._thread: threading.Thread | None = None
@@ -79,10 +84,12 @@ class Overview:
         curves = {}
         for plot in request.plots:
             key = request.vehicle, plot
-            low, high = self._low.get(key), self._high.get(key)
-            if low is None or high is None:
+            low, high, is_sampled = self._low.get(key), self._high.get(key), self._is_sampled.get(key)
+            if low is None or high is None or is_sampled is None:
                 low = high = np.full(PARTS, np.nan, np.float32)
-            curves[plot] = Curve(_reduced(low, edges, np.fmin), _reduced(high, edges, np.fmax))
+                is_sampled = np.zeros(PARTS, np.bool_)
+            columns = (_reduced(low, edges, np.fmin), _reduced(high, edges, np.fmax))
+            curves[plot] = _held(*columns, _reduced(is_sampled, edges, np.maximum) > 0.0, end - start)
         return curves
 
     def _check(self, request: PlotRecording, start: float, end: float) -> None:
@@ -100,6 +107,7 @@ class Overview:
     def _read_range(self, vehicle: str, plots: list[str], start: float, end: float, columns: int) -> dict[str, Curve]:
         """Curves read from the file."""
         extremes = {plot: (np.full(columns, np.nan), np.full(columns, np.nan)) for plot in plots}
+        is_sampled = {plot: np.zeros(columns, np.bool_) for plot in plots}
         length = max(end - start, 1e-9)
         blocks = self._blocks(vehicle, plots, start, end)
         while (block := self._next(blocks)) is not None:
@@ -107,7 +115,8 @@ class Overview:
                 inside = (times >= start - 1e-9) & (times <= end + 1e-9)
                 index = np.minimum((times[inside] - start) / length * columns, columns - 1).astype(int)
                 _merge(*extremes[plot], *_runs(index), values[inside])
-        return {plot: Curve(low, high) for plot, (low, high) in extremes.items()}
+                is_sampled[plot][index] = True
+        return {plot: _held(*extremes[plot], is_sampled[plot], end - start) for plot in plots}
 
     def _read_all(self) -> None:
         try:
@@ -126,10 +135,12 @@ class Overview:
                 key = vehicle, plot
                 if key not in self._low:
                     self._high[key] = np.full(PARTS, np.nan, np.float32)
+                    self._is_sampled[key] = np.zeros(PARTS, np.bool_)
                     self._low[key] = np.full(PARTS, np.nan, np.float32)
                 if id(times) not in runs:
                     runs[id(times)] = _runs(np.clip(times / duration * PARTS, 0, PARTS - 1).astype(int))
                 _merge(self._low[key], self._high[key], *runs[id(times)], values)
+                self._is_sampled[key][runs[id(times)][1]] = True
                 self._share = done + min(float(times[-1]) / duration, 1.0) / count
 
     def _next(self, blocks: Iterator[Block]) -> Block | None:
@@ -165,6 +176,16 @@ def _merge(low: Any, high: Any, starts: NDArray[np.int_], places: NDArray[np.int
         high[places] = np.fmax(high[places], np.fmax.reduceat(values, starts))
 
 
+def _held(low: Any, high: Any, is_sampled: NDArray[np.bool_], length: float) -> Curve:
+    """The curve of columns over `length` [s]: one without a sample has the values of the one before, until the next."""
+    places, sampled = np.arange(len(low)), np.flatnonzero(is_sampled)
+    if len(sampled):
+        latest = np.maximum.accumulate(np.where(is_sampled, places, sampled[0]))
+        is_held = (places > sampled[0]) & (places < sampled[-1]) & ((places - latest) * length <= HOLD * len(places))
+        low[is_held], high[is_held] = low[latest[is_held]], high[latest[is_held]]
+    return Curve(low, high)
+
+
 def _scalar(plot: Plot, values: Any) -> NDArray[np.float64]:
     """The plotted number of each value."""
     table = np.asarray(values, np.float64)
@@ -175,7 +196,7 @@ def _scalar(plot: Plot, values: Any) -> NDArray[np.float64]:
     return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
-def _reduced(values: Columns, edges: NDArray[np.int_], least: np.ufunc) -> NDArray[np.float64]:
+def _reduced(values: NDArray[Any], edges: NDArray[np.int_], least: np.ufunc) -> NDArray[np.float64]:
     """One value for each column; a column that is narrower than a part repeats it."""
     starts = np.minimum(edges[:-1], len(values) - 1)
     ends = np.maximum(edges[1:], starts + 1)
