@@ -178,4 +178,18 @@ export class Store {
   get isMapViewed(): boolean {
     return this.isEditing.value || this.isBuilding.value
   }
+
+  /** Calls `onChange` when anything changes that an image of the 3D view depends on, except the Frame, which moves what
+   * is shown; returns functions that end this. */
+  watchImage(onChange: () => void): (() => void)[] {
+    const others: unknown[] = [this.frame, this.status, this.frameRate, this.imageCount, this.shownScene]
+    const shown = Object.values(this).filter((value) => value instanceof Observable && !others.includes(value))
+    return shown.map((observable: Observable<unknown>) => {
+      let before = observable.value
+      return observable.watch((value) => {
+        if (value !== before) onChange()
+        before = value
+      })
+    })
+  }
 }

@@ -2,7 +2,6 @@
 import { Matrix4, Vector3 } from 'three'
 
 import type { Frame, Scene } from '../messages'
-import { Observable } from '../observable'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { sceneUrl } from './assets'
@@ -247,17 +246,7 @@ class View implements SceneView {
     const change = () => {
       this.changedAt = performance.now() / 1000
     }
-    const others: unknown[] = [store.frame, store.status, store.frameRate, store.imageCount, store.shownScene]
-    for (const one of Object.values(store))
-      if (one instanceof Observable && !others.includes(one)) {
-        let before = one.value
-        this.cleanups.push(
-          one.watch((value) => {
-            if (value !== before) change()
-            before = value
-          }),
-        )
-      }
+    this.cleanups.push(...store.watchImage(change))
     const wheel = (event: WheelEvent) => this.zoom(event)
     canvas.addEventListener('wheel', wheel, WHEEL)
     const size = new ResizeObserver(() => this.resize())
