@@ -185,7 +185,7 @@ def transforms(ros: Ros2, topic: str) -> list[dict[str, Any]]:
 
 def test_transforms_are_sent_before_the_readings_of_their_time(ros: Ros2, sim: Client) -> None:
     """To default subscribers, which are reliable; before TF, a subscriber could not transform them on arrival."""
-    ros.probe.record("/tf", "tf2_msgs/TFMessage")
+    ros.probe.record("/tf", "tf2_msgs/TFMessage", 100)  # as a TransformListener: a lost transform would look late
     topics = {"scan": "sensor_msgs/LaserScan", "imu/data": "sensor_msgs/Imu", "odom": "nav_msgs/Odometry"}
     for name, kind in topics.items():
         ros.probe.record(f"{VEHICLE}/{name}", kind)

@@ -92,8 +92,8 @@ class Probe:
         create = self._node.create_subscription
         self._subscriptions[topic] = self._in_executor(create, class_of(kind), topic, callback, qos)
 
-    def record(self, topic, kind):
-        """Subscribe as by default; from now on, keep the stamp of each message and when it was sent [ns]."""
+    def record(self, topic, kind, depth=10):
+        """Subscribe, reliably as by default; from now on, keep the stamp of each message and when it was sent [ns]."""
         sent = self._sent[topic] = []
 
         def note(message, info):
@@ -104,7 +104,7 @@ class Probe:
                 self._condition.notify_all()
 
         create = self._node.create_subscription
-        self._in_executor(create, class_of(kind), topic, note, 10)
+        self._in_executor(create, class_of(kind), topic, note, depth)
 
     def recorded(self, topic, count, limit=120.0):
         """Stamp and time of sending of the messages that were recorded, once there are so many."""
