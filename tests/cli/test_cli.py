@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import dataclasses
 import json
 import os
 import pty
@@ -24,6 +26,13 @@ import autodrive
 from autodrive.base.cache import PACKAGE
 from autodrive.base.png import decode_png
 from autodrive.cli import preview
+from autodrive.connect.server.served import PageOptions
+from autodrive.protocol.devkit_profile import DevkitSettings
+from autodrive.recording.film.film import FilmOptions
+from autodrive.recording.replay.session import ReplayOptions
+from autodrive.run import RunOptions
+from autodrive.run.race import RaceOptions
+from autodrive.scenario.tracks.importer import ImportOptions
 from tests.support.command_line import AUTODRIVE, call, interrupted_when, python, refused
 from tests.support.scenes import needs_gl
 from tests.support.waiting import LIMIT
@@ -42,6 +51,29 @@ def test_without_the_page_a_run_says_that_clients_cannot_connect() -> None:
     assert text not in call("run", "plane", "--no-browser", "--port", "0", "--duration", "0.02").stderr
     for command in ("run", "race", "play"):
         assert "the direct ROS bridge cannot connect" in " ".join(call(command, "--help").stdout.split())
+
+
+def test_a_command_uses_each_of_its_options() -> None:
+    """`filled` passes on the arguments that are fields: one that is neither a field nor used would do nothing."""
+    classes = (DevkitSettings, FilmOptions, ImportOptions, PageOptions, RaceOptions, ReplayOptions, RunOptions)
+    fields = {options.__name__: {field.name for field in dataclasses.fields(options)} for options in classes}
+    fields["DevkitSettings"] = {f"devkit_{name}" for name in fields["DevkitSettings"]}
+    checked, unused = [], []
+    for file in sorted(Path(autodrive.__file__).parent.joinpath("cli").glob("*.py")):
+        for function in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            calls = [
+                node for node in ast.walk(function) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+            ]
+            if not isinstance(function, ast.FunctionDef) or not any(ast.unparse(node) == "locals()" for node in calls):
+                continue
+            filled = [ast.unparse(node.args[0]).split(".")[-1] for node in calls if ast.unparse(node.func) == "filled"]
+            used = {node.id for node in ast.walk(function) if isinstance(node, ast.Name)}.union(
+                *(fields[name] for name in filled)
+            )
+            unused += [f"{file.name}: {name.arg}" for name in function.args.args if name.arg not in used]
+            checked += filled
+    assert {*checked} == {*fields}
+    assert unused == []
 
 
 def test_help_names_every_command() -> None:
