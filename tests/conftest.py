@@ -66,7 +66,7 @@ GROUP_SECONDS = TESTS / "group_seconds.json"
 """Seconds of the slow groups, a copy of the file below. The slowest group starts first, so that no worker begins a long
 one when the others are done."""
 LAST_GROUP_SECONDS = TESTS.parent / ".venv" / "group_seconds.json"
-"""Seconds of the groups in the last run. After a run of all tests this file can replace the one above."""
+"""Seconds of the groups in the last run of all tests; this file can replace the one above."""
 LEAST_SECONDS = 5.0
 """Shorter groups are not noted."""
 
@@ -183,8 +183,13 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     """Names of failures for scripts/test, which prints them last. The exit code of a run with such skips is 3."""
     if hasattr(session.config, "workerinput"):
         return
+    config = session.config
+    is_whole = config.args_source == config.ArgsSource.TESTPATHS and not (
+        config.option.markexpr or getattr(config.option, "lf", False)
+    )
     if FAILED.parent.is_dir():
         FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {name}" for name in _refused))))
+    if FAILED.parent.is_dir() and is_whole:
         slowest = sorted(_group_seconds.items(), key=lambda entry: -entry[1])
         noted = {group: round(spent) for group, spent in slowest if spent >= LEAST_SECONDS}
         LAST_GROUP_SECONDS.write_text(json.dumps(noted, indent=1) + "\n")
