@@ -189,7 +189,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     )
     if FAILED.parent.is_dir():
         FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {name}" for name in _refused))))
-    if FAILED.parent.is_dir() and is_whole:
+    if FAILED.parent.is_dir() and is_whole and _group_seconds:  # empty: nothing ran, but the tests were collected
         slowest = sorted(_group_seconds.items(), key=lambda entry: -entry[1])
         noted = {group: round(spent) for group, spent in slowest if spent >= LEAST_SECONDS}
         LAST_GROUP_SECONDS.write_text(json.dumps(noted, indent=1) + "\n")
