@@ -127,7 +127,7 @@ FILES = {
     "time_of_day: '18,30'": "such as 18:30, not '18,30'",
     "time_of_day: 6pm": "such as 18:30, not '6pm'",
     "vehicles:\n  V1:\n    x: 0,5": "write 0.5, with a decimal point",
-    "vehicles: {V1: {x: 0,5}}": "If it belongs to a decimal number, write a point: 0.5",
+    "vehicles: {V1: {x: 0,5}}": "If '5' belongs to a decimal number, write a point: 0.5",
     "vehicles: {V1: {yaw_deg: 90°}}": "write a number without '°'",
     "boxes: {a: {x: 1, y: 0, mass: 200g}}": "write a number without 'g', in the unit",
     "vehicles: {V1: {type:nigel}}": "write 'type: nigel', with a space after the colon",
