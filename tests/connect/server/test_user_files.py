@@ -368,16 +368,16 @@ def test_the_text_of_a_scenario_is_loaded_without_edits_and_its_own_map_too(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (sent("/etc/passwd"), "map '/etc/passwd' is not of the simulator"),
-        (sent("../secret.yaml"), "map '../secret.yaml' is not of the simulator"),
-        (sent("../../scenario/data/maps/oval"), "is not of the simulator"),
-        (sent(type_="./car.yaml"), "vehicle './car.yaml' is not of the simulator. Known: nigel"),
+        (sent("/etc/passwd"), "map '/etc/passwd' does not belong to the simulator"),
+        (sent("../secret.yaml"), "map '../secret.yaml' does not belong to the simulator"),
+        (sent("../../scenario/data/maps/oval"), "does not belong to the simulator"),
+        (sent(type_="./car.yaml"), "vehicle './car.yaml' does not belong to the simulator. Known: nigel"),
         (sent(more=", own_sensors: {x: 'attack.py:Attack'}"), "sensors are Python files"),
         (
             sent("{title: x, placements: [{module: ../x.yaml, x: 0, y: 0}]}"),
-            "module '../x.yaml' is not of the simulator",
+            "module '../x.yaml' does not belong to the simulator",
         ),
-        (sent() + "race: {rules: /etc/hosts.yaml}\n", "ruleset '/etc/hosts.yaml' is not of the simulator"),
+        (sent() + "race: {rules: /etc/hosts.yaml}\n", "ruleset '/etc/hosts.yaml' does not belong to the simulator"),
         (sent() + "speed: 3\n", r"speed \(line 5\)"),
         (sent()[:-20], "invalid YAML|line"),
         ("vehicles: []", "vehicles"),
