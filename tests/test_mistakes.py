@@ -96,8 +96,8 @@ SCRIPTS = {
     "Simulation('plane')": "a Simulation needs a World, such as autodrive.make('plane'), not 'plane'",
     "Recorder('drive.mcap', 'plane')": "a Recorder needs a World, such as autodrive.make('plane'), not 'plane'",
     "simulate('plane')": "simulate() needs RunOptions, such as RunOptions('plane'), not 'plane'",
-    "Client(8730)": "use '127.0.0.1:8730' or the link that it prints",
-    "Client('127.0.0.1:1', patience=0.0)": "start one with 'autodrive'",
+    "Client(8730)": "use '127.0.0.1:8730' or the link that the simulator prints",
+    "Client('127.0.0.1:1', patience=0.0)": "start a simulator with 'autodrive'",
     # -- after the end ----------------------------------------------------------------------------------------------
     "world = make('plane'); world.close(); world.step()": CLOSED,
     "world = make('plane'); world.close(); world.reset()": CLOSED,

@@ -313,7 +313,7 @@ def test_files_in_the_working_folder_that_have_the_name_of_a_package(
     (tmp_path / "script.py").write_text("import random\n")
     scripts = ("python script.py {port}",)
     (standing,) = race(RaceOptions("practice", scripts=scripts, is_lockstep=True, has_page=False)).standings
-    reason = "ImportError: of the user; files beside it replace modules of their names: "
+    reason = "ImportError: of the user; files in the folder of the script replace Python modules of the same name: "
     assert standing.reason.endswith(reason + "autodrive.py, json.py, numpy.py, random.py")
 
 

@@ -88,7 +88,7 @@ class Driving:
 def taken(vehicle: str, other: ConnectedClient) -> str:
     """The text of the Error 'taken'."""
     name, last = ("another browser", "key") if PAGE_NAME.fullmatch(other.name) else (f"'{other.name}'", "command")
-    return f"{name} drives {vehicle}; it is free {LEASE_TIME:g} s after its last {last}"
+    return f"{name} drives {vehicle}; {vehicle} is free {LEASE_TIME:g} s after the last {last} of {name}"
 
 
 def _wrong_mode(drive: Drive) -> str:

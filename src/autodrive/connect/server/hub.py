@@ -197,7 +197,7 @@ class Hub:
         age = 0.0 if request.heard is None else self.now() - request.heard
         if age <= MAX_AGE:
             return None
-        text = f"the connection was interrupted: the request came {age:.0f} s late and was not carried out"
+        text = f"the connection was interrupted: the request arrived {age:.0f} s late and was not executed"
         return Error("request", text, request.id)
 
     def _handle(self, client: ConnectedClient, message: ClientMessage | Error) -> None:
