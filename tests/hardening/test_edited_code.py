@@ -332,7 +332,7 @@ def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_us
     (home / "code" / "wrong.py").write_text("def wrong(frames): open(__file__ + '.none')\n")
     campaign = loaded(home, driver=f"{home}/code/driver.py:Driver", metrics=["code/driver.py:score"])
     assert set(column(run_campaign(campaign, tmp_path / "out", workers=0), "score")) == {4.0}
-    assert "name its files in 'files'  (driver.py, line 3: exec)" in caplog.text
+    assert "name the files of the code in 'files'  (driver.py, line 3: exec)" in caplog.text
     assert (home / "code" / "new.log").read_text() == "new"
     assert (home / "old.log").read_text() == "old"
     assert not list(home.rglob("__pycache__"))
