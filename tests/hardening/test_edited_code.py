@@ -257,7 +257,7 @@ def test_a_race_drives_with_the_code_of_its_start_which_its_result_names(
         assert reasons[name].endswith(file)
     assert f"{tmp_path}/wrong.py.none'" in reasons["V4"]
     assert f'File "{tmp_path}/wrong.py", line 2' in (tmp_path / "out" / "V4.log").read_text()
-    assert result.notes == {"V4": "It may run code that its digest does not contain (wrong.py, line 1: exec)"}
+    assert result.notes == {"V4": "The script may run code that its digest does not contain (wrong.py, line 1: exec)"}
     assert {name: result.digests[name] for name in digests} == digests
     assert (tmp_path / "driven.txt").is_file()
     assert (tmp_path / "shell" / "driven.txt").is_file()
