@@ -237,7 +237,7 @@ class _Again:
             case Restored():
                 raise RecordingError(
                     f"after tick {world.frame.tick} the World was restored from a snapshot, which is not in the "
-                    "recording: it cannot be simulated again"
+                    "recording: the recording cannot be simulated again"
                 )
             case _:
                 if isinstance(request, LoadScenario):

@@ -107,7 +107,7 @@ def test_each_episode_of_every_environment_has_its_own_weather(id_: str) -> None
         assert all((weather.snow, weather.fog) == (0.1, 0.0) for weather in envs.batch.weathers)
     assert len({*rains}) == len(rains)
     assert 0.2 <= min(rains) < max(rains) <= 1.0
-    with pytest.raises(SpecError, match="fog: must be a number from 0 to 1, or two of them"):
+    with pytest.raises(SpecError, match="fog: must be a number from 0 to 1, or two such numbers"):
         vector_env(id_, 8, fog=(0.0, 2.0))
 
 

@@ -186,7 +186,9 @@ class Hub:
                 elif limit.allows(self.now()):
                     self._handle(client, message)
                 elif warnings.admits("messages"):
-                    client.send_error(Error("rate", f"more than {RATE:g} messages per second; some are dropped"))
+                    client.send_error(
+                        Error("rate", f"more than {RATE:g} messages per second; some messages are dropped")
+                    )
             elif warnings.admits("bytes"):
                 client.send_error(Error("rate", f"more than {BYTES:g} bytes per second; some messages are dropped"))
             if limit.is_exhausted or client.is_overrun:

@@ -105,7 +105,7 @@ def find_sources(path: Path) -> Sources:
     if path.suffix.lower() in {".png", ".pgm"}:
         return Sources(path.stem.removesuffix("_map"), picture=path)
     text = (
-        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, its picture "
+        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, a picture "
         "(.png, .pgm) with the resolution, or a .csv file of a centre line"
     )
     raise SpecError([text])
