@@ -311,8 +311,10 @@ class World(OneThread):
         return self.poses.get(name)
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)) -> None:
-        """Hold a vehicle at rest at a pose (position [m], quaternion wxyz of any length), from the next tick on.
+        """Hold a vehicle at a pose (position [m], quaternion wxyz of any length), from the next tick on.
 
+        The vehicle is at rest there. A vehicle that was held somewhere else before reports the velocity from there, for
+        as long as it was held there: a co-simulation that moves it in every tick, or in every third, sees it move.
         None ends the hold. Raises `CommandError` for values that are not a pose.
         """
         self.apply(Hold(vehicle, position, orientation))
