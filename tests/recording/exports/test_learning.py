@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
 
 import av
@@ -24,6 +23,7 @@ from autodrive.recording.exports import export
 from autodrive.recording.exports.learning import ACTION, STATE, steps
 from autodrive.recording.exports.options import ExportOptions
 from autodrive.scenario import VehiclePlacement
+from tests.support.cars import car_file, small_images
 
 
 def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
@@ -63,9 +63,7 @@ def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
 
 def test_videos_of_lerobot_have_the_colours_and_the_size_that_the_dataset_says(tmp_path: Path) -> None:
     """A camera whose images have an odd width: the video, the dataset and the container agree on the padded size."""
-    vehicle = files("autodrive").joinpath("scenario/data/vehicles/nigel.yaml").read_text(encoding="utf-8")
-    (tmp_path / "odd.yaml").write_text(vehicle.replace("width: 640\n    height: 480", "width: 79\n    height: 60"))
-    vehicles = {"V1": VehiclePlacement(type=str(tmp_path / "odd.yaml"))}
+    vehicles = {"V1": VehiclePlacement(type=car_file(tmp_path, small_images(79, 60)))}
     world = autodrive.make(ScenarioSpec(map="plane", vehicles=vehicles), cameras="small")
     with Recorder(tmp_path / "odd.mcap", world, has_meshes=False):
         for _ in range(8):

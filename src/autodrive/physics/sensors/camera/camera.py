@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from autodrive.base.arrays import read_only
 from autodrive.base.elementary import tan
 from autodrive.base.transforms import Quaternion, Vector, compose, quaternion_from_rotation_vector, rotate
 from autodrive.base.units import DEGREE
@@ -163,11 +164,11 @@ class Camera:
             middle = self._formation.apply(rendered, self._rng)
         return CameraImage(
             time=now * self._substep.numerator / self._substep.denominator,
-            pose=Pose(np.array(position), np.array(orientation)),
+            pose=Pose(read_only(np.array(position)), read_only(np.array(orientation))),
             intrinsics=self.intrinsics,
-            rgba=middle.rgba,
-            depth=middle.depth if self.spec.depth else None,
-            labels=middle.labels if self.spec.labels else None,
+            rgba=read_only(middle.rgba),
+            depth=read_only(middle.depth) if self.spec.depth and middle.depth is not None else None,
+            labels=read_only(middle.labels) if self.spec.labels and middle.labels is not None else None,
         )
 
     def save(self) -> Any:
