@@ -192,8 +192,8 @@ struct WheelsReading {
 /// One image, taken at `time` [s].
 ///
 /// `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
-/// uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
-/// shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+/// uint8, shape (height, width, 4), C-contiguous, first row on top, sRGB; alpha is 255. If configured: `depth` [m]
+/// float32, shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
 /// `autodrive.graphics.assets.asset.Label`.
 struct CameraImage {
     double time = 0.0;
