@@ -22,7 +22,7 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
 def read_only(array: AnyArray) -> AnyArray:
-    """The same array, which cannot be written to any more."""
+    """Let nobody write to an array any more; returns the array."""
     array.setflags(write=False)
     return array
 

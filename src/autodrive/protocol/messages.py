@@ -613,6 +613,11 @@ class CameraIntrinsics(Displayed, frozen=True, gc=False):
     cy: float
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
+    @property
+    def matrix(self) -> Array:
+        """Camera matrix K of OpenCV and ROS, shape (3, 3): the centre of the upper left pixel is at (0, 0) there."""
+        return np.array([[self.fx, 0.0, self.cx - 0.5], [0.0, self.fy, self.cy - 0.5], [0.0, 0.0, 1.0]])
+
 
 class CameraImage(Displayed, frozen=True, gc=False):
     """One image, taken at `time` [s].

@@ -58,9 +58,9 @@ class DepthLabelTarget:
     """Depth and label at the centre of each pixel, without antialiasing."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
-        self._size = width, height
-        self._depth = context.depth_texture(self._size)
-        self._frame = context.framebuffer([context.texture(self._size, 1)], self._depth)
+        self._size = size = width, height
+        layers = context.texture(size, 1), context.texture(size, 1, dtype="f4")
+        self._frame = context.framebuffer(layers, context.depth_renderbuffer(size))
 
     def begin(self) -> None:
         """Clear this target and draw to it from now on."""
@@ -68,9 +68,10 @@ class DepthLabelTarget:
         self._frame.clear(depth=1.0)
 
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Depths in [0, 1] of clip space, and labels; shape (height, width) each."""
+        """Depths [m], infinite where nothing was drawn, and labels; shape (height, width) each."""
         width, height = self._size
         depth, labels = np.empty((height, width), np.float32), np.empty((height, width), np.uint8)
-        self._depth.read_into(depth)
         self._frame.read_into(labels, components=1, alignment=1)
+        self._frame.read_into(depth, components=1, attachment=1, dtype="f4")
+        depth[depth == 0.0] = np.inf
         return depth, labels

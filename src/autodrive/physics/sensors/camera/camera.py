@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
@@ -15,7 +16,7 @@ from autodrive.base.transforms import Quaternion, Vector, compose, quaternion_fr
 from autodrive.base.units import DEGREE
 from autodrive.physics.sensors.camera.exposure import Exposure, lens_shading, shutter
 from autodrive.physics.sensors.camera.imperfections import PRESETS, CameraImperfections, Hardware
-from autodrive.physics.sensors.camera.optics import covers_whole_image, ideal_pinhole, rays
+from autodrive.physics.sensors.camera.optics import covers_whole_image, ideal_pinhole, least_zoom, rays
 from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Schedule, SensorSpec, random_generator
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
@@ -80,8 +81,22 @@ class CameraSpec(SensorSpec):
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"an image of {self.width} x {self.height} has more than {MAX_PIXELS} pixels")
         if not covers_whole_image(self.intrinsics):
-            raise ValueError("this distortion is too strong: the lens shows nothing in the corners of the image")
+            raise ValueError(
+                f"this distortion is too strong: the lens shows nothing in the corners of the image. {self._way_out()}"
+            )
         return self
+
+    def _way_out(self) -> str:
+        """Which values the distortion permits."""
+        zoom = least_zoom(self.intrinsics)
+        if self.fit == "vertical":
+            widest = 2.0 * math.atan(0.5 * self.height / (zoom * self.intrinsics.fy)) / DEGREE
+            limit = f"field_of_view_deg of at most {math.floor(10.0 * widest) / 10.0:g}"
+        else:
+            assert self.focal_length is not None
+            limit = f"focal_length of at least {1.005 * zoom * self.focal_length:.3g} m"  # the last digit is rounded
+        kept = "" if math.isinf(zoom) else f"a {limit}, or "
+        return f"Choose {kept}'hardware: rectified' or 'imperfections: rectified', a lens without distortion"
 
     def realistic(self) -> CameraSpec:
         """A copy with the imperfections of its hardware."""
