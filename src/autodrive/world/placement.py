@@ -105,9 +105,7 @@ def _outside(map_: Map, x: float, y: float) -> str:
 def _too_small(vehicle: VehicleSpec) -> str:
     """Says that the colliders of a vehicle reach over a small part of its size; empty if they do not."""
     wheel = np.array([vehicle.wheels.radius, vehicle.wheels.width / 2.0, vehicle.wheels.radius])
-    boxes = [
-        (collider.position, np.array(collider.size) / 2.0) for collider in (*vehicle.platforms, vehicle.lidar_collider)
-    ]
+    boxes = [(box.position, np.array(box.size) / 2.0) for box in vehicle.colliders.values()]
     boxes += [(hub, wheel) for hub in vehicle.hubs]
     middles, halves = np.array([middle for middle, _ in boxes]), np.array([half for _, half in boxes])
     reach = (middles + halves).max(axis=0) - (middles - halves).min(axis=0)
