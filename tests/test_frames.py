@@ -18,7 +18,7 @@ from tests.support.cars import car_file, small_images
 from tests.support.frames import arrays, bytes_of
 from tests.support.radar import Radar
 
-CAMERAS = {f"cameras.{name}.{extra}": True for name in ("front", "rear") for extra in ("depth", "labels")}
+CAMERAS = {f"cameras.{name}.{extra}": True for name in ("front", "rear") for extra in ("depth", "labels", "instances")}
 CRASH = {"V1": Command(1.0), "V2": Command(1.0)}
 
 
@@ -68,8 +68,9 @@ def test_no_array_of_a_frame_can_be_written_to(sources: dict[str, Frame], source
 def test_images_are_contiguous(sources: dict[str, Frame], source: str) -> None:
     """OpenCV draws on arrays of C-order only."""
     for image in sources[source].vehicles["V1"].cameras.values():
-        layers = [image.rgba, image.rgb] + [layer for layer in (image.depth, image.labels) if layer is not None]
-        assert len(layers) == (2 if source == "recording" else 4)
+        extras = image.depth, image.labels, image.instances
+        layers = [image.rgba, image.rgb, *(layer for layer in extras if layer is not None)]
+        assert len(layers) == (2 if source == "recording" else 5)
         assert all(layer.flags.c_contiguous for layer in layers)
         np.testing.assert_array_equal(image.rgb, image.rgba[..., :3])
 

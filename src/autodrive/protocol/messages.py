@@ -625,7 +625,8 @@ class CameraImage(Displayed, frozen=True, gc=False):
     `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
     uint8, shape (height, width, 4), C-contiguous, first row on top, sRGB; alpha is 255. If configured: `depth` [m]
     float32, shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
-    `autodrive.graphics.assets.asset.Label`.
+    `autodrive.graphics.assets.asset.Label`; `instances` uint16, same shape, the number of the object that the pixel
+    shows, see `World.instances`, 0 for none.
     """
 
     time: float
@@ -634,6 +635,7 @@ class CameraImage(Displayed, frozen=True, gc=False):
     rgba: NDArray[np.uint8]
     depth: NDArray[np.float32] | None = None
     labels: NDArray[np.uint8] | None = None
+    instances: NDArray[np.uint16] | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

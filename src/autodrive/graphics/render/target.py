@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -54,12 +54,22 @@ class RenderTarget:
         self._plain.read_into(pixels, components=3, alignment=1, write_offset=offset)
 
 
-class DepthLabelTarget:
-    """Depth and label at the centre of each pixel, without antialiasing."""
+class ExactImage(NamedTuple):
+    """What is at the centre of each pixel, without antialiasing; shape (height, width) each."""
+
+    depth: NDArray[np.float32]
+    """[m]; infinite where nothing was drawn."""
+    labels: NDArray[np.uint8]
+    instances: NDArray[np.uint16]
+    """Instance numbers; 0: none."""
+
+
+class ExactTarget:
+    """Where an `ExactImage` is drawn."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
         self._size = size = width, height
-        layers = context.texture(size, 1), context.texture(size, 1, dtype="f4")
+        layers = context.texture(size, 1), context.texture(size, 2, dtype="f4")
         self._frame = context.framebuffer(layers, context.depth_renderbuffer(size))
 
     def begin(self) -> None:
@@ -67,11 +77,11 @@ class DepthLabelTarget:
         self._frame.use()
         self._frame.clear(depth=1.0)
 
-    def read(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Depths [m], infinite where nothing was drawn, and labels; shape (height, width) each."""
+    def read(self) -> ExactImage:
+        """The image that was drawn."""
         width, height = self._size
-        depth, labels = np.empty((height, width), np.float32), np.empty((height, width), np.uint8)
+        labels, others = np.empty((height, width), np.uint8), np.empty((height, width, 2), np.float32)
         self._frame.read_into(labels, components=1, alignment=1)
-        self._frame.read_into(depth, components=1, attachment=1, dtype="f4")
-        depth[depth == 0.0] = np.inf
-        return depth, labels
+        self._frame.read_into(others, components=2, attachment=1, dtype="f4")
+        depth = np.where(others[..., 0] > 0.0, others[..., 0], np.float32(np.inf))
+        return ExactImage(depth, labels, others[..., 1].astype(np.uint16))

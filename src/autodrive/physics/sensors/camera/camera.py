@@ -66,6 +66,8 @@ class CameraSpec(SensorSpec):
     """Whether images include the depth of each pixel."""
     labels: bool = False
     """Whether images include the label of each pixel."""
+    instances: bool = False
+    """Whether images include the number of the object that each pixel shows."""
     imperfections: CameraImperfections = CameraImperfections()
     """Imperfections of lens, shutter and sensor."""
     hardware: Hardware = "raspberry_pi_v1"
@@ -170,7 +172,7 @@ class Camera:
     def image_from(self, rendered: Sequence[RenderedImage], vehicle: np.void, now: int) -> CameraImage:
         """The reading at `now` [substeps] from the images that were rendered for `views`, in the same order.
 
-        Pose, depth and labels belong to the time of the reading, which is the middle of the exposure.
+        Pose, depth, labels and instances belong to the time of the reading, which is the middle of the exposure.
         """
         self._sampled_at = now
         position, orientation = self._pose(vehicle)
@@ -184,6 +186,7 @@ class Camera:
             rgba=read_only(middle.rgba),
             depth=read_only(middle.depth) if self.spec.depth and middle.depth is not None else None,
             labels=read_only(middle.labels) if self.spec.labels and middle.labels is not None else None,
+            instances=read_only(middle.instances) if self.spec.instances and middle.instances is not None else None,
         )
 
     def save(self) -> Any:
@@ -221,7 +224,7 @@ class ImageFormation:
         self._nearest = None if places is None else np.round(places).astype(np.intp)
 
     def apply(self, rendered: Sequence[RenderedImage], rng: np.random.Generator) -> RenderedImage:
-        """The reported image, given images rendered at `times`; depth and labels are those of the middle one."""
+        """The reported image, given images rendered at `times`; the rest of it is that of the middle one."""
         self._exposure.begin()
         for image, shares in zip(rendered, self._shares, strict=True):
             self._exposure.add(image.rgba, shares)
@@ -230,6 +233,7 @@ class ImageFormation:
             rgba=self._exposure.read(self._shading, *self._noise, rng),
             depth=self._distort(middle.depth),
             labels=self._distort(middle.labels),
+            instances=self._distort(middle.instances),
         )
 
     def _distort(self, values: NDArray[Any] | None) -> NDArray[Any] | None:
