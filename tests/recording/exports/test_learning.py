@@ -67,7 +67,8 @@ def test_videos_of_lerobot_have_the_colours_and_the_size_that_the_dataset_says(t
     world = autodrive.make(ScenarioSpec(map="plane", vehicles=vehicles), cameras="small")
     with Recorder(tmp_path / "odd.mcap", world, has_meshes=False):
         for _ in range(8):
-            image = world.step().vehicles["V1"].cameras["front"].rgb
+            world.step()
+    image = world.frame.vehicles["V1"].cameras["front"].rgb
     with open_recording(tmp_path / "odd.mcap") as recording:
         folder = export(recording, "lerobot", tmp_path / "odd")
     info = json.loads((folder / "meta/info.json").read_text())
