@@ -96,6 +96,9 @@ class ContactLayout(NamedTuple):
     """The coefficients of the two tangential directions are the first of five."""
     cone: int
     """The coefficient of the regularised cone (mu)."""
+    row: int
+    """Number of the first row of the contact in the constraints: along the normal, then along the two other axes; -1:
+    none, because the two solids do not touch (efc_address)."""
 
 
 class Views(NamedTuple):
@@ -123,6 +126,8 @@ class Views(NamedTuple):
     """Current number of contacts, shape (1,)."""
     contacts: NDArray[np.int64]
     """Current address of the first contact, shape (1,)."""
+    references: NDArray[np.int64]
+    """Current address of the acceleration that each row of the constraints asks for (efc_aref), shape (1,)."""
     warnings: NDArray[np.int32]
     """Number of diverged states, for each kind of warning."""
     slots: Slots
@@ -354,6 +359,7 @@ class Engine:
             slots=self._slots,
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
+            references=_memory(data._address + layout.references, ctypes.c_int64),
             warnings=data.warning.number[_BAD],
             timestep=_timestep(self.model),
             friction=self.model.geom_friction,
@@ -411,10 +417,11 @@ _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN
 
 
 class _Layout(NamedTuple):
-    """Offsets in bytes of two fields of mjData, and within mjContact."""
+    """Offsets in bytes of three fields of mjData, and within mjContact."""
 
     contact_count: int
     contacts: int
+    references: int
     contact: ContactLayout
 
 
@@ -439,17 +446,17 @@ def _data_layout() -> _Layout:
         counts = offsets & counts if counts else offsets
     contact = data.contact
     start = contact.dist.ctypes.data
-    pointers = []
+    pointers: dict[int, int] = {}  # to its last offset: the arena starts at the same address as the contacts
     offset = numbers_end
-    while (value := ctypes.c_int64.from_address(data._address + offset).value) != data.efc_pos.ctypes.data:
-        if value == start:
-            pointers.append(offset)
+    while (value := ctypes.c_int64.from_address(data._address + offset).value) != data.efc_aref.ctypes.data:
+        pointers[value] = offset
         offset += 8
-    if len(counts) != 1 or not pointers:
+    if len(counts) != 1 or start not in pointers:
         raise EngineError(f"MuJoCo {VERSION} stores its contacts in an unknown layout. Run:  {mujoco_fix()}")
     return _Layout(
         contact_count=counts.pop(),
-        contacts=pointers[-1],  # the arena starts at the same address, and its pointer comes first
+        contacts=pointers[start],
+        references=offset,
         contact=ContactLayout(
             stride=contact.dist.strides[0],
             position=contact.pos.ctypes.data - start,
@@ -458,6 +465,7 @@ def _data_layout() -> _Layout:
             distance=0,
             friction=contact.friction.ctypes.data - start,
             cone=contact.mu.ctypes.data - start,
+            row=contact.efc_address.ctypes.data - start,
         ),
     )
 

@@ -113,8 +113,8 @@ def _too_small(vehicle: VehicleSpec) -> str:
         return ""
     reached, size = (" x ".join(f"{length:.3g}" for length in lengths) for lengths in (reach, vehicle.size))
     return (
-        f": the wheels and colliders of '{vehicle.title}' reach over {reached} m, but its size is {size} m: other "
-        "objects pass into its body; make 'platforms' or 'size' fit"
+        f": the wheels and colliders of '{vehicle.title}' fill {reached} m, but 'size' is {size} m: other "
+        "objects can pass into the body of the vehicle; change 'platforms' or 'size'"
     )
 
 
@@ -128,6 +128,6 @@ def _unlikely_inertia(vehicle: VehicleSpec) -> str:
         return ""
     box = ", ".join(f"{moment:.3g}" for moment in of_box)
     return (
-        f": 'inertia' of '{vehicle.title}' does not fit its mass and size, of which a solid box has [{box}] kg m^2; "
-        "if the vehicle was scaled, scale it with mass x length^2"
+        f": 'inertia' of '{vehicle.title}' does not fit the mass and size of the vehicle: a solid box of that mass and "
+        f"size has the inertia [{box}] kg m^2; if you have scaled the vehicle, scale 'inertia' with mass x length^2"
     )

@@ -50,7 +50,9 @@ class RigidBodySpec(Spec):
     @model_validator(mode="after")
     def _is_rigid(self) -> RigidBodySpec:
         if 2.0 * max(self.inertia) > sum(self.inertia):
-            raise ValueError(f"no body has the inertia {self.inertia}: none may be greater than the sum of the others")
+            raise ValueError(
+                f"inertia {self.inertia} is impossible: each value must be at most the sum of the other two"
+            )
         return self
 
 
