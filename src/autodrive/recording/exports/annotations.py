@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 LEAST_PIXELS = 16
 """Objects of which fewer pixels are seen are left out."""
-MAX_DELAY = 200
-"""Frames between that of an image and the first one that has it, when images are drawn in real time."""
+MAX_DELAY = 1000
+"""Most Frames from that of an image to the first one that has it, when a process draws the images."""
 
 
 class PixelBox(NamedTuple):
