@@ -37,17 +37,16 @@ def write(recording: Recording, path: Path, options: ExportOptions, name: str) -
     start = recording.start if options.start is None else max(options.start, recording.start)
     end = recording.end if options.end is None else min(options.end, recording.end)
     first_of_validation = end - VALIDATION * (end - start)
-    write_image = _Coco(path) if name == "coco" else _Yolo(path)
+    dataset = _Coco(path) if name == "coco" else _Yolo(path)
     count = 0
-    for image in annotated_images(recording, options):
-        count += 1
+    for count, image in enumerate(annotated_images(recording, options), 1):
         stem = f"{count:06d}_{image.picture.vehicle}_{image.picture.camera}"
-        part = PARTS[image.time >= first_of_validation]
+        part = "val" if image.time >= first_of_validation else "train"
         write_file(path / "images" / part / f"{stem}.jpg", image.picture.jpeg)
-        write_image.add(part, stem, image)
+        dataset.add(part, stem, image)
     if count == 0:
         raise RecordingError("there is no image between these times whose Frame was recorded, too")
-    write_image.finish()
+    dataset.finish()
 
 
 class _Coco:
