@@ -618,6 +618,13 @@ class CameraIntrinsics(Displayed, frozen=True, gc=False):
         """Camera matrix K of OpenCV and ROS, shape (3, 3): the centre of the upper left pixel is at (0, 0) there."""
         return np.array([[self.fx, 0.0, self.cx - 0.5], [0.0, self.fy, self.cy - 0.5], [0.0, 0.0, 1.0]])
 
+    def resized(self, width: int, height: int) -> CameraIntrinsics:
+        """The intrinsics of the same image in another size [pixels], such as that of a client's picture."""
+        across, down = width / self.width, height / self.height
+        return CameraIntrinsics(
+            width, height, across * self.fx, down * self.fy, across * self.cx, down * self.cy, self.distortion
+        )
+
 
 class CameraImage(Displayed, frozen=True, gc=False):
     """One image, taken at `time` [s].
