@@ -71,7 +71,9 @@ def export(
         "File or folder to write.  [default: beside the recording]", None, "--output", "-o", metavar="PATH"
     ),
     vehicle: str = option("Only this vehicle.  [default: all, or the first]", "", metavar="NAME"),
-    rate: float | None = option("Rows in a second.  [default: of the format]", metavar="HZ", min=0.01, max=1e6),
+    rate: float | None = option(
+        "Rows or images in a second.  [default: of the format]", metavar="HZ", min=0.01, max=1e6
+    ),
     start: float | None = option("First time.  [default: the start]", metavar="S"),
     end: float | None = option("Last time.  [default: the end]", metavar="S"),
     force: Force = False,
