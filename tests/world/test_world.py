@@ -8,7 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, 
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE, car_file
-from tests.support.frames import digest, digests
+from tests.support.frames import arrays, digest, digests
 
 LIMIT = math.radians(30.0)
 STANDING = Command()
@@ -38,17 +37,6 @@ def drive(world: World, ticks: int, **command: Any) -> Frame:
     for _ in range(ticks):
         frame = world.step({"V1": Command(**command)})
     return frame
-
-
-def arrays(value: Any) -> list[np.ndarray]:
-    """All arrays in a message."""
-    if isinstance(value, np.ndarray):
-        return [value]
-    if isinstance(value, msgspec.Struct):
-        value = [getattr(value, field) for field in value.__struct_fields__]
-    if isinstance(value, dict):
-        value = list(value.values())
-    return [array for item in value for array in arrays(item)] if isinstance(value, list | tuple) else []
 
 
 # -- time and Frames ---------------------------------------------------------------------------------------------

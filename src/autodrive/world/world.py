@@ -15,6 +15,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.transforms import Quaternion, Vector
 from autodrive.graphics.cameras.backend import NoCameras
+from autodrive.graphics.meshes.instances import Instance, instances_of
 from autodrive.physics.sensors.columns import SensorTables
 from autodrive.physics.sensors.own import OwnSensor, problem
 from autodrive.physics.state import VehicleView
@@ -146,6 +147,11 @@ class World(OneThread):
     def vehicle_specs(self) -> dict[str, VehicleSpec]:
         """Specs of the vehicles by name, with the factors of `set_factors`."""
         return self.conditions.vehicles
+
+    @property
+    def instances(self) -> tuple[Instance, ...]:
+        """The objects with the instance numbers 1, 2, ... in the images of cameras: those of the map first."""
+        return instances_of(self.map, self.vehicle_names, self.boxes)
 
     # -- the tick ------------------------------------------------------------------------------------------------
 
