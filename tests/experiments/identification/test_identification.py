@@ -112,7 +112,7 @@ def test_a_parameter_without_influence_is_named(drive: Drive) -> None:
     [
         (["wheels.damping"], "nigel", "'wheels.damping' is not a parameter of vehicle 'nigel'. Did you mean "),
         (["a", "body.mass", "body.mass"], "nigel", "'a' is not a parameter .*; 'body.mass' is named twice$"),
-        (["wheels.suspension.substeps"], "nigel", "is not a real number"),
+        (["sensors.lidar.rays"], "nigel", "is not a real number"),
         (["steering.rate_limit"], "nigel_2023", "is left out of the file: give its bounds"),
         (["body.drag=2:1"], "nigel", "the lower one first, not 2:1"),
         (["body.drag=x:1"], "nigel", "must be such as body.drag=0.1:0.5, not 'x:1'"),

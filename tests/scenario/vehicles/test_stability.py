@@ -39,7 +39,7 @@ def test_a_vehicle_comes_to_rest_with_stable_substeps_only(vehicle: str, monkeyp
 def test_the_limit_of_springs_alone_is_the_closed_form() -> None:
     spec = load_vehicle("nigel_2023")
     regular = spec.wheels.regularisation.model_copy(update={"hold_frequency": 0.01})
-    suspension = spec.wheels.suspension.model_copy(update={"substeps": 1})
+    suspension = spec.wheels.suspension.model_copy(update={"look_ahead": 0.0})
     body = spec.body.model_copy(update={"center_of_mass": (spec.wheelbase / 2, 0.0, 0.04)})
     wheels = spec.wheels.model_copy(update={"suspension": suspension, "regularisation": regular})
     spec = spec.model_copy(update={"wheels": wheels, "body": body})

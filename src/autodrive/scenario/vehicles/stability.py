@@ -25,7 +25,7 @@ def is_stable(spec: VehicleSpec, substep: float) -> bool:
     a damper, whose M^-1 C has the eigenvalue b, it is a dt^2 + 2 b dt < 4 (Jury's criterion).
     """
     body, suspension = spec.body, spec.wheels.suspension
-    damping = suspension.damping + suspension.stiffness * suspension.look_ahead(substep)
+    damping = suspension.damping + suspension.stiffness * suspension.look_ahead
     hold_stiffness, hold_damping = hold_spring(spec, substep)
     stiffnesses, dampings = np.zeros((6, 6)), np.zeros((6, 6))
     for hub in spec.hubs:
