@@ -153,6 +153,18 @@ def test_the_longest_part_of_a_drive_without_a_break_is_compared(drive: Drive) -
     assert drive.time[windows.rows[0, [0, -1]]].tolist() == pytest.approx([2.01, 8.99])
 
 
+def test_a_command_of_a_drive_acts_as_long_as_in_the_world(tmp_path: Path) -> None:
+    path = tmp_path / "one_command.mcap"
+    world = autodrive.make("plane")
+    with Recorder(path, world, name="plane", has_meshes=False):
+        obeyed = []
+        for tick in range(300):
+            world.step({"V1": Command(0.7)} if tick == 0 else {})
+            obeyed.append(world.controls.throttle[0])
+    assert obeyed == [0.7] * 50 + [0.0] * 250
+    assert read_drive(path).command_time[1:] == pytest.approx([0.0, 0.5])
+
+
 def test_files_that_are_no_drive_are_one_line(files: tuple[Path, Path], tmp_path: Path) -> None:
     empty, broken, nan = tmp_path / "empty.csv", tmp_path / "broken.csv", tmp_path / "nan.csv"
     rows = [line.split(",") for line in files[1].read_text().splitlines()]
