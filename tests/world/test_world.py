@@ -89,22 +89,22 @@ def test_commands_beyond_one_count_as_one(throttle: float, steering: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("tick", "timeout"), [(0.01, 0.5), (0.01, 0.07), (0.02, 0.5), (0.1, 0.3), (0.01, 0.29), (0.02, 0.03)]
+    ("tick", "timeout"), [(0.01, 0.5), (0.01, 0.07), (0.02, 0.5), (0.1, 0.3), (0.01, 0.29), (0.02, 0.03), (0.01, 0.003)]
 )
-def test_a_command_counts_until_it_is_older_than_the_timeout(tmp_path: Path, tick: float, timeout: float) -> None:
+def test_a_command_acts_in_the_ticks_that_begin_before_the_timeout(tmp_path: Path, tick: float, timeout: float) -> None:
     car = VehiclePlacement(type=car_file(tmp_path, OBEYS_AT_ONCE))
     world = plane(vehicles={"V1": car}, tick=tick, command_timeout=timeout)
     frames = [world.step({"V1": Command(throttle=0.5, steering=1.0)})]
-    counting = math.floor(round(timeout / tick, 9))  # ticks after the one that it was given at
-    frames += [world.step() for _ in range(counting + 1)]
-    assert [frame.vehicles["V1"].throttle for frame in frames] == [0.5] * (1 + counting) + [0.0]
+    acting = math.ceil(round(timeout / tick, 9))
+    frames += [world.step() for _ in range(acting)]
+    assert [frame.vehicles["V1"].throttle for frame in frames] == [0.5] * acting + [0.0]
     assert frames[-1].vehicles["V1"].lights.tail_lights == TailLights.BRIGHT
 
 
 def test_a_car_without_commands_brakes_and_straightens_its_wheels() -> None:
     world = plane()
     assert drive(world, 100, throttle=1.0, steering=1.0).vehicles["V1"].steering == pytest.approx(LIMIT)
-    for _ in range(50):
+    for _ in range(49):
         assert world.step().vehicles["V1"].throttle == 1.0
     for _ in range(100):
         vehicle = world.step().vehicles["V1"]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,6 +11,7 @@ from msgspec.structs import replace
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, EngineError
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.transforms import Quaternion, Vector
 from autodrive.graphics.cameras.backend import NoCameras
 from autodrive.graphics.meshes.instances import Instance, instances_of
@@ -104,12 +103,12 @@ class World(OneThread):
         """Seed of all noise since the last reset."""
         self.race = compiled.race
         """The race of the scenario; None if it has none."""
-        tick = Fraction(str(compiled.spec.tick))
+        tick = exact_fraction(compiled.spec.tick)
         self._tick_ratio = tick.numerator, tick.denominator
         self.controls = Controls(
             {name: placement.is_autonomous for name, placement in compiled.spec.vehicles.items()},
             traffic=compiled.spec.traffic.names,
-            timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / tick),
+            timeout=compiled.spec.command_ticks,
         )
         """Commands, driving modes and lamps of the vehicles."""
         self.row = Row(compiled, self.controls, engine)

@@ -103,7 +103,7 @@ def test_an_episode_ends_with_a_reset_and_at_a_gap_and_the_action_is_what_the_ve
     with open_recording(path) as recording:
         found = list(steps(recording, ExportOptions(), 10.0))
         np.testing.assert_allclose([one.time for one in found], np.arange(13) / 10.0)
-        np.testing.assert_allclose([one.action[0] for one in found], [0.4] * 6 + [0.0] * 7)
+        np.testing.assert_allclose([one.action[0] for one in found], [0.4] * 5 + [0.0] * 8)
         assert [one.episode for one in found] == [0] * 12 + [1]
         assert [one.episode for one in steps(recording, WithGap(), 10.0)] == [0] * 4 + [1] * 4 + [2]
         with pytest.raises(RecordingError, match=r"a Frame every 0.01 s: choose a rate of at most 100 Hz"):
