@@ -20,21 +20,20 @@ from autodrive.physics.sensors.settings import SensorSettings
 def assert_alike(image: NDArray[np.uint8], expected: NDArray[np.uint8]) -> None:
     """Batch and single camera round differently; see `tests/graphics/cameras/test_batch_camera.py`."""
     assert image.std() > 5.0
-    assert (np.abs(image.astype(int) - expected) > 2).mean() < 0.002
+    assert np.abs(image.astype(int) - expected).max() <= 1
 
 
 def last_images(env: DrivingEnv | DrivingVectorEnv, action: Any, steps: int) -> NDArray[np.uint8]:
     """The image of the first car after so many steps of an episode."""
     env.reset(seed=4)
-    for _ in range(steps):
-        observation = env.step(action)[0]
-    return observation["image"].reshape(-1, 96, 128, 3)[0]
+    images = [env.step(action)[0]["image"] for _ in range(steps)]
+    return images[-1].reshape(-1, 96, 128, 3)[0]
 
 
 @pytest.mark.parametrize(
     "settings",
-    [{"traffic": 4, "map": "tiny_town"}],
-    ids=["traffic"],
+    [{"traffic": 4, "map": "tiny_town"}, {"traffic": 2, "map": "tiny_town", "fog": 0.4, "rain": 0.8, "snow": 0.5}],
+    ids=["traffic", "weather"],
 )
 def test_a_vector_environment_shows_what_a_single_one_shows(gl: str, settings: dict[str, Any]) -> None:
     single, many = (kind(observation="camera", **settings) for kind in (DrivingEnv, DrivingVectorEnv))
@@ -57,7 +56,7 @@ def test_cars_of_a_parallel_environment_see_the_traffic(gl: str) -> None:
 def test_each_car_of_a_race_has_its_own_image(gl: str) -> None:
     races = RoboRacerVectorEnv(4, cars=2, tracks=1, observation="camera")
     images = races.reset(seed=1)[0]["image"]
-    assert images.shape == races.observation_space["image"].shape
+    assert images.shape == (4, 96, 128, 3)
     assert (images[0] != images[1]).mean() > 0.1
     races.close()
 
@@ -75,5 +74,5 @@ def test_cameras_that_cannot_be_drawn_are_refused_in_words() -> None:
     for kind in (DrivingEnv, DrivingVectorEnv):
         with pytest.raises(SpecError, match="needs a camera 'front' that is on; vehicle 'V1' has none"):
             kind(task=task(SensorSettings(is_on=False)), observation="camera")
-    with pytest.raises(SpecError, match="camera 'front' of vehicle 'V1' have noise 'ideal', or use gymnasium.make"):
+    with pytest.raises(SpecError, match=r"camera 'front' of vehicle 'V1' have noise 'ideal', or use gymnasium\.make"):
         DrivingVectorEnv(task=task(SensorSettings(noise="realistic")), observation="camera")

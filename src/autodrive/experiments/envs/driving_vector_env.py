@@ -185,8 +185,8 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
 
     def _images(self) -> NDArray[np.uint8]:
         """Images of the front cameras, shape (num_envs, height, width, 3)."""
-        readings, weathers = self.batch.readings, self.batch.weathers
-        images = [camera.render(readings, weather=weathers) for camera in self._cameras]
+        pictures = self.batch.pictures()
+        images = [camera.render(pictures) for camera in self._cameras]
         return np.stack(images, axis=1).reshape(self.num_envs, *images[0].shape[1:])
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
