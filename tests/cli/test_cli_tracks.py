@@ -120,7 +120,7 @@ def test_the_error_of_a_bare_picture_has_the_lines_that_make_it_a_map(tmp_path: 
     sheet = tmp_path / "practice_map.yaml"
     expected = sheet.read_text()
     done = call("import", "track", "practice_map.png", cwd=tmp_path)
-    assert "import 'practice_map.yaml', which is beside it" in done.stderr
+    assert "import 'practice_map.yaml' in the same folder" in done.stderr
     sheet.unlink()
     done = call("import", "track", "practice_map.png", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")

@@ -128,7 +128,9 @@ def test_a_folder_is_never_replaced(line: str, inputs: Path, tmp_path: Path) -> 
     kept.write_bytes(MINE)
     words = shlex.split(line.replace("drive.mcap", str(inputs / "drive.mcap")))
     for force in ([], ["--force"]):
-        assert "remove it, or choose another path  (mine)" in refused(*words, "-o", "mine", *force, cwd=tmp_path)
+        assert "remove that file or folder, or choose another path  (mine)" in refused(
+            *words, "-o", "mine", *force, cwd=tmp_path
+        )
     assert [*tmp_path.rglob("*")] == [kept.parent, kept]
     assert kept.read_bytes() == MINE
 

@@ -50,12 +50,12 @@ def test_answers_to_a_server_that_does_not_read_are_bounded() -> None:
         connection.receive("2" + 900_000 * "x", 0.0)
     for _ in range(1000):
         connection.receive("2probe", 0.0)
-    with pytest.raises(ConnectionEnd, match="does not read"):
+    with pytest.raises(ConnectionEnd, match="does not read messages"):
         connection.receive("2probe", 0.0)
     assert connection.outbox == 1000 * ["3probe"]
-    with pytest.raises(ConnectionEnd, match="does not read"):
+    with pytest.raises(ConnectionEnd, match="does not read messages"):
         connection.receive('427["Bridge",{}]', 0.0)
-    with pytest.raises(ConnectionEnd, match="does not read"):
+    with pytest.raises(ConnectionEnd, match="does not read messages"):
         connection.receive('0{"sid":"x","maxPayload":1000000}', 0.0)
 
 

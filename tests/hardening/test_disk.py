@@ -323,7 +323,7 @@ def test_the_doctor_names_a_cache_that_cannot_be_written(
     done = call("doctor")
     assert "Traceback" not in done.stderr
     if "Read-only" in reason:
-        assert f"numba: {reason}; every start would compile again" in done.stdout
+        assert f"numba: {reason}; every start would compile the code again" in done.stdout
 
 
 def test_the_log_of_the_engine_is_not_needed(disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> None:

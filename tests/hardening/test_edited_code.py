@@ -257,7 +257,7 @@ def test_a_race_drives_with_the_code_of_its_start_which_its_result_names(
         assert reasons[name].endswith(file)
     assert f"{tmp_path}/wrong.py.none'" in reasons["V4"]
     assert f'File "{tmp_path}/wrong.py", line 2' in (tmp_path / "out" / "V4.log").read_text()
-    assert result.notes == {"V4": "It may run code that its digest does not contain (wrong.py, line 1: exec)"}
+    assert result.notes == {"V4": "The script may run code that its digest does not contain (wrong.py, line 1: exec)"}
     assert {name: result.digests[name] for name in digests} == digests
     assert (tmp_path / "driven.txt").is_file()
     assert (tmp_path / "shell" / "driven.txt").is_file()
@@ -313,7 +313,7 @@ def test_files_in_the_working_folder_that_have_the_name_of_a_package(
     (tmp_path / "script.py").write_text("import random\n")
     scripts = ("python script.py {port}",)
     (standing,) = race(RaceOptions("practice", scripts=scripts, is_lockstep=True, has_page=False)).standings
-    reason = "ImportError: of the user; files beside it replace modules of their names: "
+    reason = "ImportError: of the user; files in the folder of the script replace Python modules of the same name: "
     assert standing.reason.endswith(reason + "autodrive.py, json.py, numpy.py, random.py")
 
 
@@ -332,7 +332,7 @@ def test_what_a_driver_writes_and_reads_beside_itself_is_in_the_folder_of_the_us
     (home / "code" / "wrong.py").write_text("def wrong(frames): open(__file__ + '.none')\n")
     campaign = loaded(home, driver=f"{home}/code/driver.py:Driver", metrics=["code/driver.py:score"])
     assert set(column(run_campaign(campaign, tmp_path / "out", workers=0), "score")) == {4.0}
-    assert "name its files in 'files'  (driver.py, line 3: exec)" in caplog.text
+    assert "name the files of the code in 'files'  (driver.py, line 3: exec)" in caplog.text
     assert (home / "code" / "new.log").read_text() == "new"
     assert (home / "old.log").read_text() == "old"
     assert not list(home.rglob("__pycache__"))

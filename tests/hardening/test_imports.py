@@ -75,7 +75,7 @@ MAPS: dict[str, tuple[float, Callable[[], bytes], str]] = {
     "an image one pixel wide": (
         0.05,
         lambda: png(1, 2**24, 8, 0, bytes(2**25)),
-        "1 x 16777216 pixels; .* save it smaller",
+        "1 x 16777216 pixels; .* save a smaller image",
     ),
     "islands": (0.05, islands, r"\d+ separate walls; a track has at most 1000: remove the specks"),
     "a checkerboard": (0.05, checkerboard, r"\d+ pixels at borders .* remove the noise"),

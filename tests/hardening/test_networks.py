@@ -72,9 +72,9 @@ def doubled(times: int) -> bytes:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (loop(), "it takes more than 1 s"),
+        (loop(), "the network takes more than 1 s"),
         (giant(10**9), "memory|alloc"),
-        (giant(2**62), "it is not a network|does not run"),
+        (giant(2**62), "the file is not a network|does not run"),
         (doubled(33), "memory|alloc"),
     ],
     ids=["loop", "giant", "overflow", "doubled"],

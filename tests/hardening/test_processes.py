@@ -173,7 +173,7 @@ def test_a_camera_process_that_hangs_is_started_again_and_at_last_it_is_said(
     world.close()
     logged = lines(caplog, render_process.__name__)
     assert len(logged) == RESTARTS + 1
-    assert all("it stopped answering and was killed" in line for line in logged)
+    assert all("the process stopped answering and was killed" in line for line in logged)
 
 
 # -- scene cameras of clients ---------------------------------------------------------------------------------------
@@ -225,7 +225,7 @@ def test_a_scene_process_that_hangs_is_killed_and_the_image_comes_from_a_new_one
     assert image.result(LIMIT).answer == first
     scene.close()
     (line,) = lines(caplog, render_process.__name__)
-    assert f"(it stopped answering and was killed); it is started again (1 of {RESTARTS})" in line
+    assert f"(the process stopped answering and was killed); a new process is started (1 of {RESTARTS})" in line
 
 
 def test_a_process_that_never_gets_ready_is_killed(
@@ -237,6 +237,6 @@ def test_a_process_that_never_gets_ready_is_killed(
     world, cameras = made(spec)
     assert not cameras.process.wait(LIMIT)
     wait_until(lambda: cameras.statistics.error)
-    assert "it stopped answering and was killed" in cameras.statistics.error
+    assert "the process stopped answering and was killed" in cameras.statistics.error
     world.step()
     world.close()

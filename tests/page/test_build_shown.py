@@ -64,7 +64,7 @@ def test_a_piece_that_is_refused_disappears_with_the_message(plane: PageServer, 
     building.page.evaluate("() => { autodrive.store.scene.value.map_scene.parts.a.yaw = 0.1 }")
     before = plane.simulation.undo_name
     press(building, "r")
-    building.wait_for_notice("was changed by another client meanwhile")
+    building.wait_for_notice("was changed by another client in the meantime")
     building.wait_until(lambda: placed(building) == 0)
     assert plane.simulation.undo_name == before
 

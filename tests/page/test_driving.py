@@ -49,7 +49,7 @@ def test_one_of_two_pages_drives_until_it_is_closed(plane: PageServer, new_tab: 
     second.wait_until(lambda: second.value("store.frame.value.vehicles.V1.pose.position[0]") > 0.1)
     second.wait_until(lambda: second.value("store.status.value.drivers") == {"V1": name})
     second.page.keyboard.down("s")
-    second.wait_for_notice("Another browser drives V1; it is free 2 s after its last key.")
+    second.wait_for_notice("Another browser drives V1; V1 is free 2 s after the last key of that browser.")
     assert plane.vehicle.throttle > 0
     second.page.keyboard.up("s")
     first.page.close()

@@ -315,7 +315,7 @@ def test_recorded_commands_are_read() -> None:
     assert orders.commands == {"red": Command(1.0, 1.0, Headlights.LOW, Indicators.HAZARD)}
     assert orders.refused == []
     orders = read_commands({"V2 Throttle": "1"}, PROFILES["2025"], {"red": Command()})
-    assert orders.refused == ["V2 Throttle: unknown vehicle; the scenario has 1"]
+    assert orders.refused == ["V2 Throttle: unknown vehicle; the number of a vehicle must be from 1 to 1"]
 
 
 def test_every_key_is_optional_and_the_last_value_is_kept() -> None:
@@ -404,8 +404,8 @@ def test_a_co_simulated_vehicle_gets_its_pose_with_the_quaternion_as_wxyz() -> N
 def test_an_invalid_pose_is_refused() -> None:
     for pose, error in (
         ({"PosX": "far", "RotZ": "0", "RotW": "0"}, "the pose is not complete: PosX missing"),
-        ({"RotZ": "0", "RotW": "0"}, "the quaternion must not be zero, and not be longer than 1e6"),
-        ({"RotW": "1e300"}, "the quaternion must not be zero, and not be longer than 1e6"),
+        ({"RotZ": "0", "RotW": "0"}, "the length of the quaternion must be above 0 and at most 1e6"),
+        ({"RotW": "1e300"}, "the length of the quaternion must be above 0 and at most 1e6"),
         ({"PosY": "-1e5"}, "a position must be from -10000 to 10000 m"),
     ):
         message = read_commands(cosim(1, **pose), PROFILES["2025"], {"red": Command()})

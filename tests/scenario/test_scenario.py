@@ -117,7 +117,7 @@ def test_box_whose_name_is_not_plain_is_refused(name: str) -> None:
 
 
 def test_box_under_the_ground_is_refused() -> None:
-    with pytest.raises(ValueError, match="z is the height of its centre"):
+    with pytest.raises(ValueError, match="z is the height of the centre of the box"):
         BoxSpec(x=0.0, y=0.0, z=-3.0)
 
 

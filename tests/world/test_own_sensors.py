@@ -269,9 +269,9 @@ def test_what_is_no_sensor_is_refused(name: Any, sensor: Any, text: str) -> None
         (1.0, "returned an array of shape (1,)"),
         ([[1.0, 2.0]], "returned an array of shape (1, 2)"),
         ([[1.0], [1.0, 2.0]], "returned no array"),
-        (None, "returned None, which is no array of numbers"),
-        (("1", "2"), "returned ('1', '2'), which is no array of numbers"),
-        ((1j, 2.0), "which is no array of numbers"),
+        (None, "returned None, which is not an array of numbers"),
+        (("1", "2"), "returned ('1', '2'), which is not an array of numbers"),
+        ((1j, 2.0), "which is not an array of numbers"),
     ],
 )
 def test_a_wrong_sample_is_an_error_that_says_what_is_right(value: Any, text: str) -> None:
@@ -305,7 +305,9 @@ def test_a_wrong_ray_is_an_error() -> None:
 def test_attributes_that_cannot_be_copied_are_an_error() -> None:
     sensor = Counting()
     sensor.lock = (one for one in ())  # type: ignore[attr-defined]  # pyright: ignore
-    with pytest.raises(SensorError, match=r"its attributes cannot be copied .*: keep what never changes in the class"):
+    with pytest.raises(
+        SensorError, match=r"its attributes cannot be copied .*: keep values that never change in the class"
+    ):
         world_with(own=sensor)
 
 

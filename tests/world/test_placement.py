@@ -34,8 +34,8 @@ FAULTS = {
     "V1: {x: 50}": f"warning: V1 at (50, 0) {OUTSIDE}",
     "V1: {x: 0, y: -9}": f"warning: V1 at (0, -9) {OUTSIDE}",
     "V1: {type: small.yaml}": (
-        "warning: V1: the wheels and colliders of 'Nigel' reach over 0.3 x 0.175 x 0.24 m, but its size is "
-        "3 x 1.75 x 0.182 m: other objects pass into its body; make 'platforms' or 'size' fit"
+        "warning: V1: the wheels and colliders of 'Nigel' fill 0.3 x 0.175 x 0.24 m, but 'size' is "
+        "3 x 1.75 x 0.182 m: other objects can pass into the body of the vehicle; change 'platforms' or 'size'"
     ),
     "V1: {x: 0.3}, V2: {x: 0.4}": "'V1' and 'V2' overlap at the start; move one of them",
     "V1: {x: 1.9, y: 1}": "'V1' and 'wall_2' overlap at the start; move one of them",

@@ -11,7 +11,7 @@ export interface HudRow {
   section: '' | 'sensors'
   /** Path in a VehicleFrame, for example 'imu.euler'. */
   signal: string
-  /** Only some vehicles have it. */
+  /** Only some vehicles have this signal. */
   optional: boolean
 }
 
@@ -26,7 +26,7 @@ export interface Plot {
   scale: number
   /** Path in a VehicleFrame, for example 'imu.euler'. */
   signal: string
-  /** Only some vehicles have it. */
+  /** Only some vehicles have this signal. */
   optional: boolean
 }
 
@@ -38,18 +38,18 @@ export const HUD_ROWS = {
   'position': { label: 'Position', title: 'IPS: x, y, z of the rear axle centre in the map', format: 'vector', unit: 'm', scale: 1.0, decimals: 2, section: '', signal: 'ips.position', optional: false },
   'orientation': { label: 'Orientation', title: 'IMU: roll, pitch, yaw in (-π, π]; x forward, y left, z up', format: 'vector', unit: 'rad', scale: 1.0, decimals: 2, section: '', signal: 'imu.euler', optional: false },
   'angular-velocity': { label: 'Angular velocity', title: 'IMU: about x, y, z of the sensor; left turns are positive', format: 'vector', unit: 'rad/s', scale: 1.0, decimals: 2, section: '', signal: 'imu.angular_velocity', optional: false },
-  'linear-acceleration': { label: 'Linear acceleration', title: 'IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it', format: 'vector', unit: 'm/s²', scale: 1.0, decimals: 2, section: '', signal: 'imu.linear_acceleration', optional: false },
+  'linear-acceleration': { label: 'Linear acceleration', title: 'IMU: along x, y, z of the sensor, without gravity unless the Spec of the vehicle includes gravity', format: 'vector', unit: 'm/s²', scale: 1.0, decimals: 2, section: '', signal: 'imu.linear_acceleration', optional: false },
   'lidar': { label: 'LIDAR Measurement', title: 'Range at the bearing below; "inf" without a return, a dash outside the field of view', format: 'beam', unit: 'm', scale: 1.0, decimals: 2, section: '', signal: 'lidar.ranges', optional: false },
   'range': { label: 'Range', title: 'Nearest thing in the cone of the range sensor', format: 'number', unit: 'm', scale: 1.0, decimals: 2, section: 'sensors', signal: 'range.range', optional: true },
   'gear': { label: 'Gear', title: 'D: drive, R: reverse (from the speed of the rear wheels)', format: 'gear', unit: 'rad/s', scale: 1.0, decimals: 2, section: '', signal: 'wheels.angular_velocity', optional: false },
   'mode': { label: 'Driving Mode', title: 'Manual: a person drives. Autonomous: a script drives', format: 'mode', unit: '', scale: 1.0, decimals: 2, section: '', signal: 'is_autonomous', optional: false },
   'collisions': { label: 'Collisions', title: '', format: 'number', unit: '', scale: 1.0, decimals: 0, section: '', signal: 'collision_count', optional: false },
-  'race-lap': { label: 'Lap', title: 'Completed laps, and those of the race with its warm-up laps', format: 'lap', unit: '', scale: 1.0, decimals: 2, section: '', signal: 'race.lap_count', optional: true },
+  'race-lap': { label: 'Lap', title: 'Completed laps, and all laps of the race, including warm-up laps', format: 'lap', unit: '', scale: 1.0, decimals: 2, section: '', signal: 'race.lap_count', optional: true },
   'race-lap-time': { label: 'Lap Time', title: 'Time in the present lap', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.lap_time', optional: true },
   'race-last-lap': { label: 'Last Lap', title: '', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.last_lap_time', optional: true },
-  'race-best-lap': { label: 'Best Lap', title: 'Best of the laps that count', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.best_lap_time', optional: true },
+  'race-best-lap': { label: 'Best Lap', title: 'Best time of the laps that count', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.best_lap_time', optional: true },
   'race-time': { label: 'Race Time', title: 'Time of the laps that count, without penalties', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.race_time', optional: true },
-  'race-penalty': { label: 'Penalties', title: 'Added to the race time by the rules', format: 'number', unit: 's', scale: 1.0, decimals: 0, section: '', signal: 'race.penalty', optional: true },
+  'race-penalty': { label: 'Penalties', title: 'Time that the rules add to the race time', format: 'number', unit: 's', scale: 1.0, decimals: 0, section: '', signal: 'race.penalty', optional: true },
 } as const satisfies Record<string, HudRow>
 
 export const PLOTS = {

@@ -93,10 +93,10 @@ describe('messages of the server', () => {
     socket.receive({
       type: 'Error',
       code: 'taken',
-      text: 'another browser drives V1; it is free 2 s after its last key',
+      text: 'another browser drives V1; V1 is free 2 s after the last key of that browser',
       id: null,
     })
-    expect(store.warning.value).toBe('another browser drives V1; it is free 2 s after its last key')
+    expect(store.warning.value).toBe('another browser drives V1; V1 is free 2 s after the last key of that browser')
   })
 })
 

@@ -268,9 +268,11 @@ class _FileCache(FunctionCache):
             except (FileNotFoundError, NotADirectoryError):
                 continue
             except OSError as error:
-                _warn(f"the cache of compiled code cannot be read: {error.strerror}; it is compiled again  ({path})")
+                _warn(
+                    f"the cache of compiled code cannot be read: {error.strerror}; the code is compiled again  ({path})"
+                )
             except Exception:  # unpickling may raise anything
-                _warn(f"the cache of compiled code is damaged; what is damaged is compiled again  ({path})")
+                _warn(f"the cache of compiled code is damaged; the damaged functions are compiled again  ({path})")
             return None  # the compiled code replaces that file
         return None
 
@@ -283,8 +285,8 @@ class _FileCache(FunctionCache):
                 write_cached(path, dumps((key, *data._reduce())))
         except OSError as error:
             _warn(
-                f"the cache of compiled code cannot be written: {error.strerror}; every start compiles again, unless "
-                f"NUMBA_CACHE_DIR names another folder  ({CACHE})"
+                f"the cache of compiled code cannot be written: {error.strerror}; every start compiles the code "
+                f"again, unless NUMBA_CACHE_DIR names another folder  ({CACHE})"
             )
         finally:
             turns.end(path)

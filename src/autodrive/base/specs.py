@@ -246,7 +246,7 @@ def _message(error: Any, spec: type[BaseModel], at: Callable[..., str]) -> str:
         if colon and before in known:
             text = f"write '{before}: {short(after)}', with a space after the colon"
         elif key.isdecimal():
-            text += " If it belongs to a decimal number, write a point: 0.5"
+            text += f" If '{short(key)}' belongs to a decimal number, write a point: 0.5"
     else:
         text = _TEXTS.get(error["type"], "is not valid").format(**error.get("ctx", {}))
         value = error.get("input")

@@ -83,4 +83,4 @@ class ByName(dict[str, Any]):
     __slots__ = ()
 
     def __missing__(self, key: object) -> Any:
-        raise KeyError(f"'{key}' is not there. {suggest(str(key), [*self])}")
+        raise KeyError(f"'{key}' is not known. {suggest(str(key), [*self])}")

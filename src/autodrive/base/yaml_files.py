@@ -201,14 +201,14 @@ def _check_limits(text: str) -> None:
         elif isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent):
             anchor, size = event.anchor, (1, 1)
             if event.tag is not None:
-                problem = f"tags such as '{short(event.tag)}' are not supported; remove it"
+                problem = f"tags such as '{short(event.tag)}' are not supported; remove the tag"
             elif isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_CHARACTERS:
                 problem = f"a key or value must have at most {MAX_CHARACTERS} characters"
             total += 1
         else:  # start and end of the stream and of documents
             continue
         if total > MAX_NODES:
-            problem = f"a file must have at most {MAX_NODES} keys and values, with aliases as often as they are used"
+            problem = f"a file must have at most {MAX_NODES} keys and values; each use of an alias counts"
         elif len(collections) + size[1] > MAX_DEPTH:
             problem = f"lists and mappings must be at most {MAX_DEPTH} deep inside each other"
         if problem:

@@ -39,22 +39,24 @@ class CampaignCommand(typer.core.TyperCommand):
 
 def campaign(
     file: Path = argument("A campaign, as YAML.", ..., metavar="FILE"),
-    workers: int | None = option("Processes; 0: in this one.  [default: all processors]", min=0, max=1000),
+    workers: int | None = option(
+        "Number of processes; 0: this process only.  [default: all processors]", min=0, max=1000
+    ),
     ray: str | None = option(
-        "Run on a Ray cluster: HOST:PORT of its head, 'local' for one that ends with the campaign, or 'auto', "
-        "the one that this machine is in (without an address, too).",
+        "Run on a Ray cluster: HOST:PORT of its head, 'local' for a cluster that ends with the campaign, or 'auto' "
+        "(the same without an address) for the cluster of this machine.",
         metavar="[ADDRESS]",
     ),
     output: Path | None = option(
-        "Folder of the results; a campaign in it is continued.  [default: FILE_results]",
+        "Folder of the results; a campaign in this folder is continued.  [default: FILE_results]",
         None,
         "--output",
         "-o",
         metavar="FOLDER",
     ),
-    cache: bool = option("Take the results of runs that other campaigns have run.", True, "--cache/--no-cache"),
-    falsify: int | None = option("Search for a failure instead, with at most so many runs.", metavar="N", min=1),
-    replay: int | None = option("Run one run again, record it, and print its result.", metavar="RUN", min=0),
+    cache: bool = option("Reuse the results of runs of other campaigns.", True, "--cache/--no-cache"),
+    falsify: int | None = option("Search for a failure instead, with at most N runs.", metavar="N", min=1),
+    replay: int | None = option("Repeat the run RUN, record it, and print its result.", metavar="RUN", min=0),
     force: bool = option("Replace results of another campaign, without a question.", False, "--force", "--overwrite"),
 ) -> None:
     """Run a scenario many times, with other parameters and seeds.

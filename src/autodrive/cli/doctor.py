@@ -148,7 +148,9 @@ def _cache() -> Check:
         setting = "set" if sys.platform == "win32" else "export"
         user = f"-{os.getuid()}" if hasattr(os, "getuid") else ""
         fix = f"{setting} NUMBA_CACHE_DIR={Path(tempfile.gettempdir()) / f'autodrive{user}'}"
-        return Check("compiled code", False, f"{folder}: {error.strerror}; every start would compile again", fix)
+        return Check(
+            "compiled code", False, f"{folder}: {error.strerror}; every start would compile the code again", fix
+        )
     return Check("compiled code", True, f"{folder} ({_state_of_cache(folder)})")
 
 

@@ -26,12 +26,18 @@ def film(
     light: str | None = option("day, night, or a time of day in hours, such as 18.5.  [default: the recorded light]"),
     overlay: bool = option("Show speed and steering.", False, "--overlay"),
     height: float = option("Height of the Bird's Eye.", 3.0, metavar="M"),
-    azimuth: float = option("Where the Orbit is, or Fly looks, from the x axis.", 0.0, metavar="DEG"),
-    elevation: float | None = option("Of the Orbit, or of where Fly looks.  [default: 30, Fly: 0]", metavar="DEG"),
+    azimuth: float = option(
+        "Direction from the x axis: of the position of the Orbit, or in which Fly looks.", 0.0, metavar="DEG"
+    ),
+    elevation: float | None = option(
+        "Elevation of the Orbit, or of the direction in which Fly looks.  [default: 30, Fly: 0]", metavar="DEG"
+    ),
     distance: float = option("Distance of the Orbit.", 1.0, metavar="M"),
-    position: str = option("Of Fly, in the map [m].", "0,0,1", metavar="X,Y,Z"),
-    codec: str | None = option("av1 or vp9.  [default: as the end of the file name says]"),
-    quality: str = option("Of the images: auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"),
+    position: str = option("Position of Fly in the map [m].", "0,0,1", metavar="X,Y,Z"),
+    codec: str | None = option("av1 or vp9.  [default: from the end of the file name]"),
+    quality: str = option(
+        "Quality of the images: auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"
+    ),
     force: Force = False,
 ) -> None:
     """Make a film of a recording, with any camera, by day or at night."""

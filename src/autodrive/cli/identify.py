@@ -11,7 +11,7 @@ from autodrive.cli.options import Force, RecordingOrLog, Steering, check_end, ch
 
 def identify(
     file: RecordingOrLog,
-    vehicle: str = option("Name or file of the vehicle whose parameters to fit.", ..., metavar="NAME"),
+    vehicle: str = option("Name or file of the vehicle whose parameters are fitted.", ..., metavar="NAME"),
     free: str = option(
         "Parameters to fit, such as wheels.damping_rate.  [default bounds: half and twice the value]",
         ...,
@@ -24,9 +24,11 @@ def identify(
     ),
     plot: Path | None = option("PNG or SVG file.  [default: beside the vehicle file]", metavar="FILE"),
     trials: int = option("Simulations of the global search.", 24, metavar="N", min=1),
-    seed: int = option("Seed of the search: same seed, same result.", 0, metavar="N", min=0),
-    window: float = option("The simulation starts again from the drive after this time.", 2.0, metavar="S", min=0.5),
-    threads: int | None = option("[default: as many as processors]", metavar="N", min=1),
+    seed: int = option("Seed of the search; the same seed gives the same result.", 0, metavar="N", min=0),
+    window: float = option(
+        "After this time, the simulation starts again from the state of the drive.", 2.0, metavar="S", min=0.5
+    ),
+    threads: int | None = option("Number of threads.  [default: as many as processors]", metavar="N", min=1),
     force: Force = False,
 ) -> None:
     """Fit parameters of a vehicle to a recorded drive; write the vehicle as a file, and a plot."""

@@ -23,7 +23,8 @@ RecordingOrLog: TypeAlias = Annotated[
 ]
 Steering: TypeAlias = Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")]
 Record: TypeAlias = Annotated[
-    Path | None, typer.Option(metavar="FILE.mcap", help="Record all of it in that file; see: autodrive replay --help.")
+    Path | None,
+    typer.Option(metavar="FILE.mcap", help="Record the whole run in that file; see: autodrive replay --help."),
 ]
 ResultsFolder: TypeAlias = Annotated[
     Path | None,
@@ -36,7 +37,7 @@ Headless: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--headless",
-        help="Do not serve the page; only print what goes on. Clients and the direct ROS bridge cannot connect then.",
+        help="Do not serve the page; only print the progress. Clients and the direct ROS bridge cannot connect then.",
     ),
 ]
 Host: TypeAlias = Annotated[

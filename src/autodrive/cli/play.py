@@ -22,21 +22,23 @@ TEAMS = {"crossing": "crossing", "duel": "head_to_head"}
 def play(
     policy: str = argument("Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'.", ...),
     track: str | None = argument(
-        "Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
-        "[default: it serves as a devkit script]"
+        "Name or file of the track on which the policy drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
+        "[default: the policy serves as a devkit script]"
     ),
     laps: int | None = option("Laps to drive.  [default: 10; of 'duel' 2]", min=1, max=1000),
-    lockstep: bool = option("As fast as the machine can, instead of in real time.", False, "--lockstep/--real-time"),
+    lockstep: bool = option(
+        "Drive as fast as the machine can, instead of in real time.", False, "--lockstep/--real-time"
+    ),
     noise: Noise = False,
     seed: int = option("Seed of the noise.", 0, min=0),
     output: ResultsFolder = None,
     headless: Headless = False,
     port: int | None = option(f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}.", min=0, max=65535),
     episodes: int | None = option(
-        "Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]", min=1, max=10000
+        "Number of episodes of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]", min=1, max=10000
     ),
     rival: str | None = option(
-        "Drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
+        "What drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
         "examples/racing/follow_the_gap.py.  [default: the same policy]",
         metavar="NAME",
     ),
@@ -77,7 +79,7 @@ def play(
         _refuse(is_given, set(is_given), f"in the environment of the task '{chosen.task}'")
         _in_environment(chosen)
     elif track is None:
-        _refuse(is_given, is_given.keys() - {"--port"}, "for a devkit script, which a policy without a track is")
+        _refuse(is_given, is_given.keys() - {"--port"}, "for a policy without a track, which is a devkit script")
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race

@@ -48,18 +48,22 @@ def race(
     vehicle: str = option("Name or file of the vehicles.", "roboracer"),
     noise: Noise = False,
     lockstep: bool = option(
-        "Each tick waits for the command of each script, as fast as they are.", False, "--lockstep/--real-time"
+        "Each tick waits for the command of each script, so that the speed of the race is that of the scripts.",
+        False,
+        "--lockstep/--real-time",
     ),
     pace: float | None = option(
-        "With --lockstep: not faster than so many simulated seconds per second.  [default: no limit; 1 for a "
+        "With --lockstep: greatest number of simulated seconds per second.  [default: no limit; 1 for a "
         "script that answers before its driver has a new command, as ROS bridges do]",
         metavar="FACTOR",
     ),
     seed: int = option("Seed of all noise.", 0, min=0),
     output: ResultsFolder = None,
     record: Record = None,
-    cameras: bool = option("Render camera images; otherwise they are black.", False, "--cameras/--no-cameras"),
-    start_limit: float = option("Wall time in which each script must answer first.", 60.0, metavar="S", min=0.1),
+    cameras: bool = option("Render camera images; otherwise camera images are black.", False, "--cameras/--no-cameras"),
+    start_limit: float = option(
+        "Wall time within which each script must send its first command.", 60.0, metavar="S", min=0.1
+    ),
     headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,

@@ -23,17 +23,17 @@ def replay(
     speed: float = option("Recorded seconds per second.", 1.0, metavar="N"),
     paused: bool = option("Wait until somebody presses Play.", False, "--paused"),
     resimulate: bool = option(
-        "Simulate it again instead, and compare every Frame: the last line is 'identical' (exit code 0), or "
+        "Simulate the recording again instead, and compare every Frame: the last line is 'identical' (exit code 0), or "
         "the first difference (exit code 1).",
         False,
         "--resimulate",
     ),
     sensor: list[str] | None = option(
-        "With --resimulate: the class of a sensor of the user, which is not in the recording. Once for each.",
+        "With --resimulate: the class of a sensor of the user, which is not in the recording; repeatable.",
         metavar="V1/NAME=FILE.py:CLASS",
     ),
     camera_quality: str = option(
-        "Of camera images that were not recorded; see: autodrive run --help.", "auto", metavar="NAME"
+        "Quality of camera images that were not recorded; see: autodrive run --help.", "auto", metavar="NAME"
     ),
 ) -> None:
     """Show a recording in the page, until Ctrl-C."""
@@ -57,7 +57,7 @@ def replay(
         typer.echo(f"replaying '{replay.tape.name}', {replay.tape.duration:.1f} s; press Ctrl-C to stop", err=True)
         typer.echo(f"page: {url}", err=True)
         if command := tunnel(url):
-            typer.echo(f"from another machine: {command}", err=True)
+            typer.echo(f"to open the page from another machine, run there: {command}", err=True)
         if browser and has_screen():
             open_page(url)
 

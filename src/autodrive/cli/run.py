@@ -102,12 +102,14 @@ def run(
         "--cameras/--no-cameras",
     ),
     lockstep: bool | None = option(
-        "Render each image in its tick: reproducible, but time waits for it; otherwise asynchronously: images "
+        "Render each image in its tick: reproducible, but simulated time waits for the image; otherwise images "
         "are dropped if the machine is too slow.  [default: in the tick with --speed max]",
         None,
         "--lockstep/--no-lockstep",
     ),
-    camera_quality: str = option("auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"),
+    camera_quality: str = option(
+        "Quality of camera images: auto, software, software-fxaa, small or gpu.", "auto", metavar="NAME"
+    ),
     image_size: str = option(
         "Size of the images for the devkit script.  [default: that of the camera]", "", metavar="WxH"
     ),

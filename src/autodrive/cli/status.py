@@ -129,7 +129,8 @@ def _note_for_clients(link: str) -> str:
     if (parts.port, parts.query) == (PORT, "") and parts.hostname == "127.0.0.1":
         return ""
     address = link if parts.query else parts.netloc
-    return f"clients need this address:  autodrive.Client({address!r})  (none if they start in this folder)"
+    note = "clients that start in this folder need no address"
+    return f"clients need this address:  autodrive.Client({address!r})  ({note})"
 
 
 def print_summary(summary: Summary) -> None:

@@ -24,21 +24,21 @@ DuctLength = Annotated[float, typer.Option(metavar="M", help="Length of an air d
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="File of the track.  [default: NAME.yaml]")
 ]
-RaceLine = Annotated[bool, typer.Option("--race-line", help="Compute a race line, if the files have none.")]
+RaceLine = Annotated[bool, typer.Option("--race-line", help="Compute a race line if the files have no race line.")]
 
 
 @importing.command("track")
 def import_track(
     path: Path = argument(
-        "Folder of f1tenth_racetracks, YAML file of the ROS map_server, its picture, or CSV file of a centre line.", ...
+        "Folder of f1tenth_racetracks, YAML file or picture of the ROS map_server, or CSV file of a centre line.", ...
     ),
     output: Output = None,
     name: str = option("Name of the track.  [default: that of the folder or file]", ""),
     tolerance: float = option("Largest distance of a wall from the contour [m].", 0.02, metavar="M", min=0.001, max=1),
-    close: float = option("Close openings of the walls that are narrower [m].", 0.0, metavar="M", min=0, max=2),
+    close: float = option("Close openings of the walls that are narrower than M [m].", 0.0, metavar="M", min=0, max=2),
     width: float | None = option("Width, for a centre line without widths [m].", metavar="M", min=0.1, max=100),
     resolution: float | None = option(
-        "Edge of a pixel [m], of a picture without a YAML file.", metavar="M", min=0.0001, max=10
+        "Edge of a pixel of a picture without a YAML file [m].", metavar="M", min=0.0001, max=10
     ),
     start: str | None = option("A point near the start line [m].", metavar="X,Y"),
     reverse: bool = option("Drive in the other direction.", False, "--reverse"),

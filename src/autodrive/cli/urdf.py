@@ -13,7 +13,7 @@ from autodrive.cli.options import Force, argument, check_outputs, option
 def urdf(
     output: Path = option("Folder of a ROS package called autodrive_description.", ...),
     names: list[str] | None = argument(
-        "Names of vehicles, or paths of their YAML files; left out: all vehicles of the simulator."
+        "Names of vehicles, or paths of their YAML files.  [default: all vehicles of the simulator]"
     ),
     force: Force = False,
 ) -> None:

@@ -81,9 +81,10 @@ class NetworkProcess:
         self._close()
         code = self.process.returncode
         if code == LATE:
-            return f"it takes more than {TIME_LIMIT:g} s"
+            return f"the network takes more than {TIME_LIMIT:g} s"
         status = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        return f"its process ended with {status}; more than {MEMORY_LIMIT // 2**20} MiB of memory are not available"
+        limit = f"more than {MEMORY_LIMIT // 2**20} MiB of memory are not available"
+        return f"the process of the network ended with {status}; {limit}"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -79,6 +79,8 @@ class Scratch(NamedTuple):
     """Axes of the contact in the map, the normal first, from the first to the second geom, shape (9,)."""
     contact_geoms: NDArray[np.int32]
     """The two geoms of that contact, shape (2,)."""
+    contact_row: NDArray[np.int32]
+    """The first row of that contact in the constraints of the engine, or -1, shape (1,)."""
 
 
 def vehicle_contacts(model: Model, pairs_max: int = 64) -> VehicleContacts:
@@ -109,4 +111,5 @@ def scratch(model: Model, n_body: int) -> Scratch:
         contact_position=np.zeros(3),
         contact_frame=np.zeros(9),
         contact_geoms=np.zeros(2, dtype=np.int32),
+        contact_row=np.zeros(1, dtype=np.int32),
     )

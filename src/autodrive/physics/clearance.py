@@ -23,7 +23,7 @@ HORIZON = 0.25
 """Shapes that are farther from a vehicle than this [m], and twice the way that it makes in the tick, are ignored."""
 
 MARGIN = 1.0e-4
-"""A clearance below this [m] counts as contact."""
+"""A clearance below this [m], and the way of a substep, counts as contact."""
 
 CLOSE = 0.05
 """The small spheres of a vehicle decide if the sphere around it is nearer to something than this [m]."""
@@ -57,18 +57,19 @@ def find_nearby(i: int, model: Model, state: State, scratch: Scratch, duration: 
 
 @inlined
 def can_any_touch(model: Model, state: State, scratch: Scratch) -> bool:
-    """Whether a vehicle may touch something now. After `find_nearby`, and `path` for each substep since."""
+    """Whether a vehicle may touch something in this substep. After `find_nearby`, and `path` for each one since."""
     touching = False
     for i in range(model.vehicles.shape[0]):
-        if scratch.clearance[i] <= MARGIN:
+        least = MARGIN + path(model.vehicles[i], state.qvel, model.dt)
+        if scratch.clearance[i] <= least:
             scratch.clearance[i] = _clearance(i, model, state, scratch)
-            touching = touching or scratch.clearance[i] <= MARGIN
+            touching = touching or scratch.clearance[i] <= least
     return touching
 
 
 @inlined
 def path(v: Any, qvel: Floats, dt: float) -> float:
-    """How far any point of a vehicle can have moved in the last substep [m]; it reduces clearance and horizon."""
+    """How far any point of a vehicle moves in a substep with its present velocity [m]."""
     dof, c = v["dof"], v["sphere_centre"]
     vx, vy, vz = qvel[dof], qvel[dof + 1], qvel[dof + 2]
     wx, wy, wz = qvel[dof + 3], qvel[dof + 4], qvel[dof + 5]

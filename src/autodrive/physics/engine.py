@@ -14,6 +14,7 @@ import functools
 import hashlib
 from collections.abc import Callable
 from copy import copy
+from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,12 +23,12 @@ import numpy as np
 from numba.core import config, types
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, Integers
+from autodrive.base.arrays import Floats
 from autodrive.base.errors import EngineError
 from autodrive.base.installation import mujoco_error, mujoco_fix
 from autodrive.base.jit import inlined, resolved
 from autodrive.physics.model import BOX, Model, ShapeTable
-from autodrive.physics.near import Slots, fill, forget, hold_near, slot_count
+from autodrive.physics.near import AHEAD, Slots, fill, forget, hold_near, slot_count
 from autodrive.physics.state import State
 
 if _error := mujoco_error():
@@ -83,6 +84,23 @@ copy_memory = _external("memmove", ctypes.memmove, types.intp, types.intp, types
 """(to, from, bytes)."""
 
 
+class ContactLayout(NamedTuple):
+    """Offsets in bytes: from one contact to the next, and within a contact (mjContact) to its fields."""
+
+    stride: int
+    position: int
+    geoms: int
+    axes: int
+    distance: int
+    friction: int
+    """The coefficients of the two tangential directions are the first of five."""
+    cone: int
+    """The coefficient of the regularised cone (mu)."""
+    row: int
+    """Number of the first row of the contact in the constraints: along the normal, then along the two other axes; -1:
+    none, because the two solids do not touch (efc_address)."""
+
+
 class Views(NamedTuple):
     """Memory of the engine that compiled code reads and writes."""
 
@@ -108,12 +126,21 @@ class Views(NamedTuple):
     """Current number of contacts, shape (1,)."""
     contacts: NDArray[np.int64]
     """Current address of the first contact, shape (1,)."""
+    references: NDArray[np.int64]
+    """Current address of the acceleration that each row of the constraints asks for (efc_aref), shape (1,)."""
     warnings: NDArray[np.int32]
     """Number of diverged states, for each kind of warning."""
     slots: Slots
     """Slots of the fixed shapes near the bodies."""
-    contact_layout: Integers
-    """Offsets in bytes: from one contact to the next, and within a contact to its position, geoms and axes."""
+    timestep: Floats
+    """Length of a step of the engine [s], shape (1,)."""
+    friction: Floats
+    """Friction coefficient of each geom, in the first column, shape (n_geom, 3)."""
+    gap: Floats
+    """Distance of each geom [m] within which the engine lists a contact that has no force yet, shape (n_geom,)."""
+    body_gap: Floats
+    """Largest `gap` of each of the engine's bodies [m], shape (n_body,)."""
+    contact_layout: ContactLayout
 
 
 FLOOR = 1
@@ -184,11 +211,31 @@ def load(model: Model, state: State, views: Views) -> None:
         for b in range(state.asleep.shape[0]):
             views.asleep[b] = int(state.asleep[b])
         mj_update_sleep(views.model, views.data)
+        look_ahead(model, state, views)
         mj_step1(views.model, views.data)
     for b in range(state.asleep.shape[0]):
         if views.asleep[b] >= 0:  # what a body was doing before it fell asleep is forgotten
             for k in range(6 * b, 6 * b + 6):
                 views.warmstart[k] = views.acceleration[k] = views.smooth_acceleration[k] = 0.0
+
+
+@inlined
+def look_ahead(model: Model, state: State, views: Views) -> None:
+    """Lets the engine list, before its next step, what each body can touch during it."""
+    shapes = model.shapes
+    first = views.gap.shape[0] - shapes.kind.shape[0]  # geoms of movable bodies are the last ones
+    for b in range(views.body_gap.shape[0]):
+        views.body_gap[b] = 0.0
+    for s in range(shapes.n_fixed, shapes.kind.shape[0]):
+        dof, size, offset = shapes.dof[s], shapes.bounding_radius[s], shapes.position[s]
+        vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
+        wx, wy, wz = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+        arm = size + sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2])
+        speed = sqrt(vx * vx + vy * vy + vz * vz) + arm * sqrt(wx * wx + wy * wy + wz * wz)
+        gap = min(AHEAD, model.dt * speed)
+        views.gap[first + s] = gap
+        body = 1 + dof // 6
+        views.body_gap[body] = max(views.body_gap[body], gap)
 
 
 @inlined
@@ -312,8 +359,13 @@ class Engine:
             slots=self._slots,
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
+            references=_memory(data._address + layout.references, ctypes.c_int64),
             warnings=data.warning.number[_BAD],
-            contact_layout=np.array([layout.stride, layout.position, layout.geoms, layout.axes], dtype=np.int64),
+            timestep=_timestep(self.model),
+            friction=self.model.geom_friction,
+            gap=self.model.geom_gap,
+            body_gap=self.model.body_margin,
+            contact_layout=layout.contact,
         )
 
     def forget_warnings(self) -> None:
@@ -365,14 +417,12 @@ _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN
 
 
 class _Layout(NamedTuple):
-    """Offsets in bytes of two fields of mjData, and within mjContact."""
+    """Offsets in bytes of three fields of mjData, and within mjContact."""
 
     contact_count: int
     contacts: int
-    stride: int
-    position: int
-    geoms: int
-    axes: int
+    references: int
+    contact: ContactLayout
 
 
 @functools.cache
@@ -396,23 +446,41 @@ def _data_layout() -> _Layout:
         counts = offsets & counts if counts else offsets
     contact = data.contact
     start = contact.dist.ctypes.data
-    pointers = []
+    pointers: dict[int, int] = {}  # to its last offset: the arena starts at the same address as the contacts
     offset = numbers_end
-    while (value := ctypes.c_int64.from_address(data._address + offset).value) != data.efc_pos.ctypes.data:
-        if value == start:
-            pointers.append(offset)
+    while (value := ctypes.c_int64.from_address(data._address + offset).value) != data.efc_aref.ctypes.data:
+        pointers[value] = offset
         offset += 8
-    if len(counts) != 1 or not pointers:
+    if len(counts) != 1 or start not in pointers:
         raise EngineError(f"MuJoCo {VERSION} stores its contacts in an unknown layout. Run:  {mujoco_fix()}")
     return _Layout(
         contact_count=counts.pop(),
-        contacts=pointers[-1],  # the arena starts at the same address, and its pointer comes first
-        stride=contact.dist.strides[0],
-        position=contact.pos.ctypes.data - start,
-        geoms=contact.geom.ctypes.data - start,
-        axes=contact.frame.ctypes.data - start,
+        contacts=pointers[start],
+        references=offset,
+        contact=ContactLayout(
+            stride=contact.dist.strides[0],
+            position=contact.pos.ctypes.data - start,
+            geoms=contact.geom.ctypes.data - start,
+            axes=contact.frame.ctypes.data - start,
+            distance=0,
+            friction=contact.friction.ctypes.data - start,
+            cone=contact.mu.ctypes.data - start,
+            row=contact.efc_address.ctypes.data - start,
+        ),
     )
 
 
 def _memory(address: int, kind: Any) -> NDArray[Any]:
     return np.ctypeslib.as_array((kind * 1).from_address(address))
+
+
+def _timestep(model: mujoco.MjModel) -> Floats:
+    """View of the length of a step, which is at the start of the options; their gravity has an address."""
+    address, length = model.opt.gravity.ctypes.data, model.opt.timestep
+    model.opt.timestep = mark = 0.123456789
+    for _ in range(16):
+        address -= 8
+        if ctypes.c_double.from_address(address).value == mark:
+            model.opt.timestep = length
+            return _memory(address, ctypes.c_double)
+    raise EngineError(f"MuJoCo {VERSION} stores its options in an unknown layout. Run:  {mujoco_fix()}")

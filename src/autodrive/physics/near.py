@@ -22,6 +22,9 @@ from autodrive.physics.model import CYLINDER, ShapeTable
 SLACK = 0.1
 """A body can move so far [m] until the slots are filled again."""
 
+AHEAD = 0.05
+"""The slots also hold the shapes that are so far [m] from what a body can reach until then."""
+
 Numbers32 = NDArray[np.int32]
 
 
@@ -67,7 +70,7 @@ def slot_count(fixed: ShapeTable, reach: Floats) -> int:
     """How many slots bodies with that `reach` (see `Slots`) can need among these fixed shapes."""
     reaches, counts = np.unique(reach, return_counts=True)
     most = [
-        count * most_within(fixed, reach_of_body + SLACK)
+        count * most_within(fixed, reach_of_body + SLACK + AHEAD)
         for reach_of_body, count in zip(reaches.tolist(), counts, strict=True)
     ]
     return min(int(sum(most)), len(fixed.kind))
@@ -105,7 +108,7 @@ def fill(shapes: ShapeTable, qpos: Floats, slots: Slots) -> None:
     for b in range(slots.reach.shape[0]):
         x, y, z = float(qpos[7 * b]), float(qpos[7 * b + 1]), float(qpos[7 * b + 2])
         slots.filled_at[b, 0], slots.filled_at[b, 1], slots.filled_at[b, 2] = x, y, z
-        far = slots.reach[b] + SLACK
+        far = slots.reach[b] + SLACK + AHEAD
         for k in range(fixed_near(shapes.grid, x, y, far, slots.nearby, 0)):
             s = slots.nearby[k]
             if distance(int(shapes.kind[s]), shapes.size[s], shapes.position[s], shapes.rotation[s], x, y, z) <= far:

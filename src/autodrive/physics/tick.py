@@ -16,16 +16,8 @@ from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector
 from autodrive.physics.buffers import Scratch, VehicleContacts
 from autodrive.physics.clearance import MARGIN, can_any_touch, find_nearby, path
-from autodrive.physics.engine import (
-    AWAKE,
-    Views,
-    copy_memory,
-    has_diverged,
-    load,
-    mj_contact_force,
-    mj_step1,
-    mj_step2,
-)
+from autodrive.physics.engine import AWAKE, Views, has_diverged, load, look_ahead, mj_step1, mj_step2
+from autodrive.physics.engine_contacts import note_contacts, prepare_contacts
 from autodrive.physics.formulas import drive_level, steered
 from autodrive.physics.free_body import rotated, rotation_at, step_free_body
 from autodrive.physics.model import Model
@@ -178,19 +170,30 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
     """One substep of the engine, which holds the present state; records the contacts of the vehicles."""
     for k in range(scratch.applied.shape[0]):
         views.applied[k] = scratch.applied[k]
-    mj_step2(views.model, views.data)
-    _note_contacts(model, views, contacts, scratch)
-    for k in range(state.qpos.shape[0]):
-        state.qpos[k] = views.qpos[k]
-    for k in range(state.qvel.shape[0]):
-        state.qvel[k] = views.qvel[k]
-    for i in range(model.vehicles.shape[0]):
-        v = model.vehicles[i]
-        _limit_angular_velocity(v, state.qpos, state.qvel)
-        for axis in range(6):
-            views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
-    hold_near(model.shapes, state.qpos, views.slots)
-    mj_step1(views.model, views.data)
+    parts = prepare_contacts(model, state, views, scratch)
+    if parts > 1:
+        views.timestep[0] = model.dt / parts
+        mj_step1(views.model, views.data)
+        prepare_contacts(model, state, views, scratch)
+    for part in range(parts):
+        mj_step2(views.model, views.data)
+        note_contacts(views, contacts, scratch)
+        for k in range(state.qpos.shape[0]):
+            state.qpos[k] = views.qpos[k]
+        for k in range(state.qvel.shape[0]):
+            state.qvel[k] = views.qvel[k]
+        for i in range(model.vehicles.shape[0]):
+            v = model.vehicles[i]
+            _limit_angular_velocity(v, state.qpos, state.qvel)
+            for axis in range(6):
+                views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
+        if part == parts - 1:
+            views.timestep[0] = model.dt
+        hold_near(model.shapes, state.qpos, views.slots)
+        look_ahead(model, state, views)
+        mj_step1(views.model, views.data)
+        if part < parts - 1:
+            prepare_contacts(model, state, views, scratch)
     move_shapes(model, state)
     if has_diverged(views):
         forget(views.slots)  # the engine has returned to its start
@@ -257,50 +260,3 @@ def _acceleration(v: Any, q: Floats, velocity: Floats, before: Floats, share: fl
     y = (velocity[dof + 1] - before[1]) * share
     z = (velocity[dof + 2] - before[2]) * share
     return r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
-
-
-@inlined
-def _note_contacts(model: Model, views: Views, contacts: VehicleContacts, scratch: Scratch) -> None:
-    """Adds the impulses of all contacts of the vehicles in this substep to `contacts`."""
-    count = views.contact_count[0]
-    if count == 0:
-        return
-    layout, push = views.contact_layout, contacts.push
-    stride, position, geoms, axes = layout[0], layout[1], layout[2], layout[3]
-    force, where, pair, frame = (
-        scratch.contact_force,
-        scratch.contact_position,
-        scratch.contact_geoms,
-        scratch.contact_frame,
-    )
-    for c in range(count):
-        contact = views.contacts[0] + c * stride
-        copy_memory(pair.ctypes.data, contact + geoms, 8)
-        for side in range(2):
-            vehicle = contacts.solid_vehicle[views.slots.solid[pair[side]]]
-            if vehicle < 0:
-                continue
-            mj_contact_force(views.model, views.data, c, force.ctypes.data)
-            impulse = model.dt * sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
-            if impulse == 0.0:
-                continue
-            other = views.slots.solid[pair[1 - side]]
-            if contacts.impulse[vehicle, other] == 0.0:
-                if contacts.pair_count[0] == contacts.pairs.shape[0]:
-                    continue
-                contacts.pairs[contacts.pair_count[0], 0] = vehicle
-                contacts.pairs[contacts.pair_count[0], 1] = other
-                contacts.pair_count[0] += 1
-                copy_memory(where.ctypes.data, contact + position, 24)
-                for axis in range(3):
-                    contacts.position[vehicle, other, axis] = where[axis]
-                for k in range(6):
-                    push[vehicle, other, k] = 0.0
-            contacts.impulse[vehicle, other] += impulse
-            copy_memory(where.ctypes.data, contact + position, 24)
-            copy_memory(frame.ctypes.data, contact + axes, 72)
-            sign = model.dt if side == 1 else -model.dt  # the force acts on the second geom
-            for axis in range(3):
-                along = force[0] * frame[axis] + force[1] * frame[3 + axis] + force[2] * frame[6 + axis]
-                push[vehicle, other, axis] += sign * along
-                push[vehicle, other, 3 + axis] += impulse * where[axis]

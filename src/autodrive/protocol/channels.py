@@ -333,14 +333,14 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         Signal(
             "imu.linear_acceleration",
-            "acceleration in the axes of the IMU, without gravity unless the Spec asks for it",
+            "acceleration in the axes of the IMU, without gravity unless the Spec includes gravity",
             "m/s²",
             "imu",
             XYZ,
             hud=HudRow(
                 "linear-acceleration",
                 "Linear acceleration",
-                "IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it",
+                "IMU: along x, y, z of the sensor, without gravity unless the Spec of the vehicle includes gravity",
                 "vector",
             ),
             plots=_plots(
@@ -359,8 +359,10 @@ CHANNELS: tuple[Channel, ...] = (
                 "sensor",
                 "allowed",
             ),
-            RosTopic("imu/data", "sensor_msgs/Imu", "as imu, with gravity: +g upward at rest (REP 145)", "sensor"),
-            RosTopic("imu/data_raw", "sensor_msgs/Imu", "as imu/data, without the orientation", "sensor"),
+            RosTopic(
+                "imu/data", "sensor_msgs/Imu", "same as imu, but with gravity: +g upward at rest (REP 145)", "sensor"
+            ),
+            RosTopic("imu/data_raw", "sensor_msgs/Imu", "same as imu/data, but without the orientation", "sensor"),
         ),
     ),
     _channel(
@@ -386,9 +388,13 @@ CHANNELS: tuple[Channel, ...] = (
         rate="sensors.lidar.rate",
         topics=(
             RosTopic(
-                "lidar", "sensor_msgs/LaserScan", "scan; of 360 degrees: first ray straight ahead", "sensor", "allowed"
+                "lidar",
+                "sensor_msgs/LaserScan",
+                "scan; a scan of 360 degrees starts with the ray straight ahead",
+                "sensor",
+                "allowed",
             ),
-            RosTopic("scan", "sensor_msgs/LaserScan", "same as lidar, name of REP 138", "sensor"),
+            RosTopic("scan", "sensor_msgs/LaserScan", "same as lidar, with the name of REP 138", "sensor"),
         ),
     ),
     _channel(
@@ -442,7 +448,7 @@ CHANNELS: tuple[Channel, ...] = (
             hud=HudRow("mode", "Driving Mode", "Manual: a person drives. Autonomous: a script drives", "mode"),
         ),
     ),
-    _channel(Signal("is_traffic", "whether it is one of the cars of the traffic, which drive themselves")),
+    _channel(Signal("is_traffic", "whether the vehicle is a car of the traffic, which drives itself")),
     _channel(
         Signal(
             "collision_count",
@@ -454,7 +460,7 @@ CHANNELS: tuple[Channel, ...] = (
             RosTopic(
                 "collision_count",
                 "std_msgs/Int32",
-                "collisions; in a race, those that the rules count",
+                "collisions; in a race, only collisions that the rules count",
                 league="restricted",
                 signal="collision_count",
             ),
@@ -465,9 +471,9 @@ CHANNELS: tuple[Channel, ...] = (
         Signal(
             "race.lap_count",
             "completed laps",
-            hud=HudRow("race-lap", "Lap", "Completed laps, and those of the race with its warm-up laps", "lap"),
+            hud=HudRow("race-lap", "Lap", "Completed laps, and all laps of the race, including warm-up laps", "lap"),
         ),
-        Signal("race.lap_total", "laps of the race with its warm-up laps, 0 without limit"),
+        Signal("race.lap_total", "laps of the race, including warm-up laps; 0 without limit"),
         Signal(
             "race.lap_time",
             "time in the present lap",
@@ -476,19 +482,19 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         Signal(
             "race.last_lap_time",
-            "time of the last lap, 0 before there is one",
+            "time of the last lap, 0 before the first lap is completed",
             "s",
             hud=HudRow("race-last-lap", "Last Lap", "", "time"),
         ),
         Signal(
             "race.best_lap_time",
-            "best time of a lap that counts, 0 before there is one",
+            "best time of the laps that count, 0 before the first of these laps is completed",
             "s",
-            hud=HudRow("race-best-lap", "Best Lap", "Best of the laps that count", "time"),
+            hud=HudRow("race-best-lap", "Best Lap", "Best time of the laps that count", "time"),
         ),
         Signal(
             "race.race_time",
-            "time of the laps that count, so far, without penalties",
+            "time of the completed laps that count, without penalties",
             "s",
             hud=HudRow("race-time", "Race Time", "Time of the laps that count, without penalties", "time"),
         ),
@@ -496,14 +502,14 @@ CHANNELS: tuple[Channel, ...] = (
             "race.penalty",
             "sum of the time penalties",
             "s",
-            hud=HudRow("race-penalty", "Penalties", "Added to the race time by the rules", decimals=0),
+            hud=HudRow("race-penalty", "Penalties", "Time that the rules add to the race time", decimals=0),
         ),
         Signal("race.collision_count", "collisions that the rules count"),
         Signal("race.checkpoint", "checkpoints passed in this lap"),
         Signal("race.distance", "distance along the track since the start line", "m"),
         Signal("race.rank", "place in the race, from 1"),
         Signal("race.gap", "time behind the first vehicle", "s"),
-        Signal("race.is_wrong_way", "whether it drives against the direction of the track"),
+        Signal("race.is_wrong_way", "whether the vehicle drives against the direction of the track"),
         topics=tuple(
             RosTopic(name, f"std_msgs/{kind}", f"{text} of a race", league="restricted", signal=f"race.{name}")
             for name, kind, text in (

@@ -298,7 +298,7 @@ def _hold(vehicle: str, pose: Mapping[str, float]) -> Hold:
     if max(abs(px), abs(py), abs(pz)) > MAX_DISTANCE:
         raise ValueError(f"a position must be from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g} m")
     if not 1e-6 <= math.hypot(x, y, z, w) <= 1e6:
-        raise ValueError("the quaternion must not be zero, and not be longer than 1e6")
+        raise ValueError("the length of the quaternion must be above 0 and at most 1e6")
     return Hold(vehicle, (px, py, pz), (w, x, y, z))
 
 
@@ -395,7 +395,7 @@ def _read_vehicle_value(
             result.ignored.append(key)
         return
     if not 1 <= number <= len(previous):
-        raise ValueError(f"unknown vehicle; the scenario has {len(previous)}")
+        raise ValueError(f"unknown vehicle; the number of a vehicle must be from 1 to {len(previous)}")
     vehicle = list(previous)[number - 1]
     if name == "Reset":
         result.resets[vehicle] = _truth(value) or result.resets.get(vehicle, False)

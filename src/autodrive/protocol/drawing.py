@@ -117,8 +117,8 @@ def _places(name: str, points: Any) -> tuple[tuple[float, float, float], ...]:
         is_table = table.size == 0 or (table.ndim == 2 and table.shape[1] in (2, 3))
     if not is_table:
         raise CommandError(
-            f"the points of drawing {reprlib.repr(name)} must be x, y, z or x, y of each, shape (n, 3) or (n, 2), "
-            f"not {reprlib.repr(points)}"
+            f"the points of drawing {reprlib.repr(name)} must be an array of x, y, z, shape (n, 3), or of "
+            f"x, y, shape (n, 2), not {reprlib.repr(points)}"
         )
     if table.size == 0:
         return ()
@@ -163,10 +163,10 @@ def check_drawings(drawings: Mapping[str, Drawing | None]) -> None:
         if not least <= count <= (1 if drawing.kind == "text" else MAX_POINTS):
             most = "exactly 1 point" if drawing.kind == "text" else f"{least} to {MAX_POINTS} points"
             raise CommandError(
-                f"{title}, a {drawing.kind}, needs {most}, not {count}; divide a longer one into several"
+                f"{title}, a {drawing.kind}, needs {most}, not {count}; divide a longer drawing into several drawings"
             )
         if drawing.kind == "lines" and count % 2:
-            raise CommandError(f"{title}, lines, needs two points for each line, not {count} in all")
+            raise CommandError(f"{title} has lines and needs two points for each line, not {count} points in all")
         if not all(is_number(part) and 0.0 <= part <= 1.0 for part in drawing.color):
             raise CommandError(f"each part of the color of {title} must be from 0 to 1, not {drawing.color}")
         if not (is_number(drawing.size) and 0.0 < drawing.size <= MAX_SIZE):
@@ -179,7 +179,8 @@ def check_drawings(drawings: Mapping[str, Drawing | None]) -> None:
             raise CommandError(f"the lifetime of {title} must be a time above 0 s, or None, not {drawing.lifetime}")
         if len(drawing.text) > 200 or not drawing.text.isprintable() or bool(drawing.text) != (drawing.kind == "text"):
             raise CommandError(
-                f"{title} needs a text of one line, with 1 to 200 characters, if and only if it is a text"
+                "a drawing of kind 'text' needs a text of one line, with 1 to 200 characters; a drawing of "
+                f"another kind must have no text  ({title}, a {drawing.kind})"
             )
 
 
@@ -204,8 +205,8 @@ def drawn_after(before: Mapping[str, Drawn], request: Draw, time: float) -> dict
     total = sum(primitives(drawn.drawing) for drawn in after.values() if drawn.drawing)
     if total > MAX_PRIMITIVES:
         raise CommandError(
-            f"{total} points, lines and characters would be drawn, and {MAX_PRIMITIVES} are the most: draw fewer, or "
-            "remove others with draw.clear()"
+            f"{total} points, lines and characters would be drawn; at most {MAX_PRIMITIVES} are possible: draw fewer, "
+            "or remove other drawings with draw.clear()"
         )
     return after
 

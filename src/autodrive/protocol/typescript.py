@@ -139,7 +139,7 @@ def _interface_of_row(name: str, kind: type[HudRow | Plot], comment: str) -> str
         for member in _members_of_row(kind)
     )
     path = "  /** Path in a VehicleFrame, for example 'imu.euler'. */\n  signal: string\n"
-    path += "  /** Only some vehicles have it. */\n  optional: boolean\n"
+    path += "  /** Only some vehicles have this signal. */\n  optional: boolean\n"
     return f"/** {comment} */\nexport interface {name} {{\n{members}{path}}}"
 
 

@@ -174,7 +174,9 @@ class Recorder:
         if self.error:
             return "not recording"
         lost = self.dropped_frames + self.dropped_images
-        return f"recording {self._clock.now / NANOSECONDS:.1f} s" + (f", {lost} left out" if lost else "")
+        return f"recording {self._clock.now / NANOSECONDS:.1f} s" + (
+            f", {lost} Frames and images left out" if lost else ""
+        )
 
     def save(self) -> None:
         """Write the last seconds to a file, with `last`; events do that, too."""

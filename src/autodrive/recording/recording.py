@@ -443,7 +443,9 @@ class Recording:
                 size += MESSAGE_WORK + len(messages[i].data)
                 if size > MAX_SIZE or self._file.work > work:
                     time = messages[i].log_time / NANOSECONDS
-                    self._file.report(f"there is too much of '{topic}': what is after {time:g} s is not read")
+                    self._file.report(
+                        f"the recording has too many messages of '{topic}': messages after {time:g} s are not read"
+                    )
                     return
                 yield chunk, messages, i
 

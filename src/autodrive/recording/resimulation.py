@@ -83,7 +83,7 @@ def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> R
     problems = recording.problems
     if difference is None and problems:
         raise RecordingError(
-            f"identical up to {now:g} s ({count} Frames), but the recording is not whole: {problems[0]}"
+            f"identical up to {now:g} s ({count} Frames), but the recording is not complete: {problems[0]}"
         )
     return Resimulation(count, difference, _other_versions(recording))
 
@@ -111,7 +111,7 @@ def forces_again(recording: Recording) -> Generator[tuple[float, dict[str, Conta
         simulated = again.frame(recorded.tick)
         for name, vehicle in recorded.vehicles.items():
             if vehicle.pose.position.tobytes() != simulated.vehicles[name].pose.position.tobytes():
-                raise RecordingError(f"the simulation differs from the recording: {name} is somewhere else")
+                raise RecordingError(f"the simulation differs from the recording: {name} is at another position")
         yield time, again.contact_forces
 
 
@@ -237,7 +237,7 @@ class _Again:
             case Restored():
                 raise RecordingError(
                     f"after tick {world.frame.tick} the World was restored from a snapshot, which is not in the "
-                    "recording: it cannot be simulated again"
+                    "recording: the recording cannot be simulated again"
                 )
             case _:
                 if isinstance(request, LoadScenario):

@@ -185,7 +185,9 @@ class WireMessage:
         try:
             foreign = self._schemas[self.name].FindMessageTypeByName(self.name)
         except KeyError:
-            raise RecordingError(f"the schema of '{self.name}' is damaged: it does not describe it") from None
+            raise RecordingError(
+                f"the schema of '{self.name}' is damaged: the schema does not describe '{self.name}'"
+            ) from None
         _check_types(foreign, own, set())
         return message_factory.GetMessageClass(foreign)
 

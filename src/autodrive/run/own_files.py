@@ -62,7 +62,7 @@ class UserFiles(OwnFiles):
         if name not in paths:
             assert self._folder is not None
             is_link = Path(name).name == name and os.path.islink(self._folder / name)
-            problem = "is a link to a place outside of" if is_link else "is not in"
+            problem = "is a link to a place outside" if is_link else "is not in"
             raise AutodriveError(f"'{name}' {problem} the folder '{self.folder}'. {suggest(name, list(paths))}")
         opened = source(paths[name])
         if _is_scenario(opened.tree):

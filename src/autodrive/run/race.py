@@ -60,7 +60,7 @@ TICK = 0.025
 """Time between Frames [s]: the period of a LIDAR of 40 Hz."""
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
-OPAQUE = "It may run code that its digest does not contain ({})"
+OPAQUE = "The script may run code that its digest does not contain ({})"
 ALLOWED = (
     *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
     *(SetCamera, ViewSensor, DescribeVehicle, DescribeWeather),
@@ -165,11 +165,11 @@ class RaceScripts:
             return "the scripts of the race drive its vehicles"
         name = type(message).__name__
         if isinstance(message, Pause | Resume) and self.is_lockstep:
-            return f"a race in lock-step waits for its scripts: it takes no {name}"
+            return f"a race in lock-step waits for its scripts: {name} is not accepted"
         if isinstance(message, Pause | Resume) and not self.is_started:
-            return f"the race waits for the first command of each script: it takes no {name} before that"
+            return f"the race waits for the first command of each script: {name} is not accepted before that"
         if not isinstance(message, ALLOWED):
-            return f"a race is in progress: it takes no {name}, which would change it; end the race first"
+            return f"a race is in progress: {name} would change the race and is not accepted; end the race first"
         return ""
 
     def is_racing(self, seat: Seat) -> bool:

@@ -22,8 +22,8 @@ MIN_COMMANDS, MIN_TICKS = 10, 3
 """A script seems to answer before its driver has a new command if most of so many commands in a row have driven so
 many ticks."""
 REPEATS = (
-    "Most of its commands drove {:g} ticks: the script seems to answer before its driver has a new command, and the "
-    "result depends on the machine"
+    "Most commands of the script drove {:g} ticks: the script seems to answer before its driver has a new command, and "
+    "the result depends on the machine"
 )
 
 

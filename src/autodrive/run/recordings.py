@@ -97,7 +97,7 @@ class ClientRecordings(RecordingControl):
         """Write the last seconds that were kept; the path of the file. Raises `AutodriveError`."""
         recorder = self._recorder
         if recorder is None or self._keep is None:
-            raise AutodriveError("no last seconds are kept: start a recording that keeps them")
+            raise AutodriveError("no last seconds are kept: start a recording that keeps the last seconds")
         before = len(recorder.files)
         recorder.save()
         deadline = time.monotonic() + SAVE_TIMEOUT

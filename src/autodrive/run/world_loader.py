@@ -98,7 +98,7 @@ class WorldLoader:
             is_inside = any(real.is_relative_to(os.path.realpath(allowed)) for allowed in (PACKAGE, folder) if allowed)
             if is_inside or str(real) in self._read_at_start or path == Path(name):
                 return ""
-            problem = f"'{path.name}' is no file of the scenario that the simulator was started with"
+            problem = f"'{path.name}' is not a file of the scenario that the simulator was started with"
             return problem + (f", and not in the folder '{folder.resolve().name}': copy it there" if folder else "")
 
         is_of_user = self._world is None or (folder is None and name == self._options.scenario)

@@ -150,13 +150,14 @@ def check_names(scenario: ScenarioSpec, known: Specs) -> None:
     def check(kind: str, name: str) -> str:
         names = kinds.names(cast("Kind", kind)) + (kinds.names("track") if kind == "map" else [])
         if name not in names and not {f"{kind}/{name}", _absolute(f"{kind}/{name}")} & files:
-            errors.append(f"{kind} '{name}' is not of the simulator. {suggest(name, names)}")
+            errors.append(f"{kind} '{name}' does not belong to the simulator. {suggest(name, names)}")
         return name
 
     with_files(scenario, check)
     for name, vehicle in scenario.vehicles.items():
         if {*vehicle.own_sensors.values()} - sensors:
-            errors.append(f"vehicles.{name}.own_sensors: sensors are Python files; start the simulator with this file")
+            text = "sensors are Python files; start the simulator with this scenario file"
+            errors.append(f"vehicles.{name}.own_sensors: {text}")
     if errors:
         raise SpecError(errors)
 

@@ -103,7 +103,9 @@ class BoxSpec(Spec):
     @model_validator(mode="after")
     def _above_ground(self) -> BoxSpec:
         if self.z is not None and self.z < self.size[2] / 2 - 1e-6:
-            raise ValueError(f"z is the height of its centre, at least half its height of {self.size[2]} m")
+            raise ValueError(
+                f"z is the height of the centre of the box, at least half the height of the box, {self.size[2]} m"
+            )
         return self
 
 
@@ -245,7 +247,7 @@ class ScenarioSpec(Spec):
     @model_validator(mode="after")
     def _not_too_many(self) -> ScenarioSpec:
         if (count := len({*self.vehicles, *self.traffic.names})) > MAX_VEHICLES:
-            text = f"{count} vehicles with those of the traffic; at most {MAX_VEHICLES} are possible"
+            text = f"{count} vehicles, including the cars of the traffic; at most {MAX_VEHICLES} are possible"
             raise RuleError([(("traffic", "cars"), text)])
         return self
 

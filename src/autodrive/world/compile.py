@@ -150,7 +150,7 @@ def _engine(checked: CheckedScenario, fixed: ShapeTable) -> Engine:
         engine = Engine(world_mjcf(checked.map, checked.boxes, bodies, spec.substep, spec.gravity), fixed)
     except EngineError as error:
         place = _at("boxes" if spec.boxes else "vehicles")
-        checked.problems.append((place, f": {error}. Many bodies at the same place?"))
+        checked.problems.append((place, f": {error}. Check whether many bodies are at the same place."))
         raise checked.refusal from None
     owners = _owners(checked.map, engine.geoms())
     checked.problems.extend(
@@ -219,7 +219,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
     try:
         track = Track.of(specs.track.spec, specs.track.name) if specs.track else map_.track
         if track is None:
-            return None, [(_at("race"), f": map '{spec.map_name}' is no track; set 'track'")] if spec.race else []
+            return None, [(_at("race"), f": map '{spec.map_name}' is not a track; set 'track'")] if spec.race else []
         assert specs.rules is not None
         rules = specs.rules.spec
         if race.laps is not None:

@@ -105,9 +105,7 @@ def _outside(map_: Map, x: float, y: float) -> str:
 def _too_small(vehicle: VehicleSpec) -> str:
     """Says that the colliders of a vehicle reach over a small part of its size; empty if they do not."""
     wheel = np.array([vehicle.wheels.radius, vehicle.wheels.width / 2.0, vehicle.wheels.radius])
-    boxes = [
-        (collider.position, np.array(collider.size) / 2.0) for collider in (*vehicle.platforms, vehicle.lidar_collider)
-    ]
+    boxes = [(box.position, np.array(box.size) / 2.0) for box in vehicle.colliders.values()]
     boxes += [(hub, wheel) for hub in vehicle.hubs]
     middles, halves = np.array([middle for middle, _ in boxes]), np.array([half for _, half in boxes])
     reach = (middles + halves).max(axis=0) - (middles - halves).min(axis=0)
@@ -115,8 +113,8 @@ def _too_small(vehicle: VehicleSpec) -> str:
         return ""
     reached, size = (" x ".join(f"{length:.3g}" for length in lengths) for lengths in (reach, vehicle.size))
     return (
-        f": the wheels and colliders of '{vehicle.title}' reach over {reached} m, but its size is {size} m: other "
-        "objects pass into its body; make 'platforms' or 'size' fit"
+        f": the wheels and colliders of '{vehicle.title}' fill {reached} m, but 'size' is {size} m: other "
+        "objects can pass into the body of the vehicle; change 'platforms' or 'size'"
     )
 
 
@@ -130,6 +128,6 @@ def _unlikely_inertia(vehicle: VehicleSpec) -> str:
         return ""
     box = ", ".join(f"{moment:.3g}" for moment in of_box)
     return (
-        f": 'inertia' of '{vehicle.title}' does not fit its mass and size, of which a solid box has [{box}] kg m^2; "
-        "if the vehicle was scaled, scale it with mass x length^2"
+        f": 'inertia' of '{vehicle.title}' does not fit the mass and size of the vehicle: a solid box of that mass and "
+        f"size has the inertia [{box}] kg m^2; if you have scaled the vehicle, scale 'inertia' with mass x length^2"
     )

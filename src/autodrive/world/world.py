@@ -243,7 +243,7 @@ class World(OneThread):
         """
         execute = EXECUTE.get(type(request))
         if execute is None:
-            raise CommandError(f"a World cannot execute {reprlib.repr(request)}; give it to a Simulation")
+            raise CommandError(f"a World cannot execute {reprlib.repr(request)}; give this request to a Simulation")
         if (change := execute(self, request)) is not None:
             self._tell(change.request)
             if change.has_frame:

@@ -88,7 +88,9 @@ def test_a_simulator_of_version_1_is_named_as_the_reason() -> None:
 
 
 def test_a_missing_simulator_error_gives_the_start_command() -> None:
-    with pytest.raises(ConnectionError, match=r"no simulator listens at 127\.0\.0\.1:\d+: start one with 'autodrive'"):
+    with pytest.raises(
+        ConnectionError, match=r"no simulator listens at 127\.0\.0\.1:\d+: start a simulator with 'autodrive'"
+    ):
         Client(f"127.0.0.1:{free_port()}", patience=0.0)
 
 

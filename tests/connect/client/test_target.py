@@ -87,7 +87,9 @@ def test_a_client_uses_the_last_run_in_its_folder_and_says_so(
         with Client() as sim:
             assert sim.connection.address.port == first.port  # the second one has ended
         monkeypatch.chdir(user.parent)  # there is no run in this folder
-        with pytest.raises(AutodriveError, match=rf"started by bob at {when}, is not of the user '{user_name()}'"):
+        with pytest.raises(
+            AutodriveError, match=rf"started by bob at {when}, is not a simulator of the user '{user_name()}'"
+        ):
             Client()
         capsys.readouterr()
         with Client(other.address):  # an address may be of any user
@@ -188,7 +190,7 @@ def test_a_client_waits_for_a_simulator_that_starts(
     def is_waiting() -> bool:
         nonlocal said
         said += capsys.readouterr().err
-        return "start one with 'autodrive'" in said
+        return "start a simulator with 'autodrive'" in said
 
     wait_until(is_waiting)
     assert f"autodrive: waiting up to {LIMIT:g} s: no simulator listens at" in said

@@ -143,8 +143,8 @@ def test_a_given_description_that_differs_from_the_vehicle_is_named(
     (text,) = {one for one in caplog.messages if "roboracer_4" in one}
     apart = math.dist((0.1445, 0.0, 0.17525), (0.2733, 0.0, 0.096))  # the LIDAR of Nigel and that of the RoboRacer
     assert "the given robot_description is not that of roboracer_4 in the simulator: " in text
-    assert f"lidar by {apart:.3f} m and 0.0 degrees" in text
-    assert "front_camera by 0.205 m and 2.7 degrees" in text  # 7.294 and 10 degrees down
+    assert f"lidar differs by {apart:.3f} m and 0.0 degrees" in text
+    assert "front_camera differs by 0.205 m and 2.7 degrees" in text  # 7.294 and 10 degrees down
     assert not [one for one in caplog.messages if "nigel_1" in one]
 
 
@@ -284,8 +284,8 @@ def test_an_initial_pose_is_read_in_its_frame(simulation: Simulation, caplog: py
         before = placed("map", 0.0, 0.0, 0.0)
         for frame, length, complaint in (
             ("laser", 1.0, "the frame 'laser' is not known. Known: map, nigel_1"),
-            ("map", 0.0, "the orientation x 0, y 0, z 0, w 0 is no rotation: set w to 1 for none"),
-            ("map", math.nan, "is no rotation"),
+            ("map", 0.0, "the orientation x 0, y 0, z 0, w 0 is not a rotation: set w to 1 for no rotation"),
+            ("map", math.nan, "is not a rotation"),
         ):
             assert placed(frame, 5.0, 5.0, 1.0, length) == before
             assert complaint in caplog.text
@@ -336,5 +336,7 @@ def test_in_devkit_mode_a_pause_is_no_end(simulation: Simulation) -> None:
 def test_in_devkit_mode_another_car_is_reported_once() -> None:
     listener = answered(Config(mode="devkit", profile="2023"), 1080)
     (warning,) = listener.warnings
-    assert warning.startswith("V1 has a LIDAR of 1080 rays, nigel one of 360: it is another car.")
+    assert warning.startswith(
+        "V1 has a LIDAR with 1080 rays, but a nigel has a LIDAR with 360 rays: V1 is not a nigel."
+    )
     assert warning.endswith("Set vehicle_type to 'nigel' or 'roboracer', or use the mode 'direct'")

@@ -78,7 +78,7 @@ def test_one_client_drives_and_the_others_get_its_name(server: SimulationServer)
         ann.until(drivers({"V1": "ann"}))
         for _ in range(20):
             drive(bob)
-        assert bob.error("taken") == "'ann' drives V1; it is free 2 s after its last command"
+        assert bob.error("taken") == "'ann' drives V1; V1 is free 2 s after the last command of 'ann'"
         others = [bob.receive() for _ in range(20)]
         assert [other for other in others if other["type"] == "Error"] == []  # at most one a second
         ann.send("Release", vehicle="V1")
@@ -114,7 +114,10 @@ def test_a_step_with_a_command_needs_the_driver_lease(server: SimulationServer) 
         drive(ann)
         ann.until(drivers({"V1": "ann"}))
         error = bob.ask("Step", commands={"V1": {"throttle": 1.0}})
-        assert (error["code"], error["text"]) == ("taken", "'ann' drives V1; it is free 2 s after its last command")
+        assert (error["code"], error["text"]) == (
+            "taken",
+            "'ann' drives V1; V1 is free 2 s after the last command of 'ann'",
+        )
         assert bob.ask("Step")["type"] == "Response"
 
 

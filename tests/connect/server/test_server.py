@@ -203,7 +203,7 @@ def test_a_request_that_was_held_up_is_refused(
         answer = client.answer(id)
         assert answer["type"] == ("Error" if id == 1 else "Response")
         if id == 1:
-            assert "the request came 5 s late and was not carried out" in answer["text"]
+            assert "the request arrived 5 s late and was not executed" in answer["text"]
     assert not simulation.frame.scene_light
 
 

@@ -194,7 +194,7 @@ def test_a_module_that_a_client_has_named_by_a_path_is_not_read_from_there(
     assert path in (folder / "mine.yaml").read_text()
     for operation in (OpenFile("mine.yaml"), OpenFile("sent.yaml", text)):
         with pytest.raises(
-            AutodriveError, match=r"'module\.yaml' is no file of the scenario .*, and not in the folder 'mine'"
+            AutodriveError, match=r"'module\.yaml' is not a file of the scenario .*, and not in the folder 'mine'"
         ):
             ask(loaded, operation)
 
@@ -227,11 +227,11 @@ def test_a_scenario_of_the_folder_reads_no_file_outside_of_it(
     (folder / "mine.yaml").write_text(
         "title: Mine\nvehicles: {V1: {}}\n" * ("vehicles" not in text) + text.replace("PATH", str(path))
     )
-    with pytest.raises(AutodriveError, match=f"'{path.name}' is no file of the scenario"):
+    with pytest.raises(AutodriveError, match=f"'{path.name}' is not a file of the scenario"):
         ask(loaded, OpenFile("mine.yaml"))
     assert not (folder.parent / "note").exists()
     if is_link and path.suffix == ".yaml":
-        with pytest.raises(AutodriveError, match=f"'{path.name}' is a link to a place outside of the folder 'mine'"):
+        with pytest.raises(AutodriveError, match=f"'{path.name}' is a link to a place outside the folder 'mine'"):
             ask(loaded, OpenFile(path.name))
 
 
@@ -281,7 +281,7 @@ def test_what_is_no_regular_file_is_neither_listed_nor_opened_nor_written(
             AutodriveError, match="is not a regular file" if not is_link else "is a link to another place"
         ):
             ask(loaded, SaveFile(name, replaces=True))
-        with pytest.raises(AutodriveError, match=f"'{name}.yaml' is (not in|a link to a place outside of) the folder"):
+        with pytest.raises(AutodriveError, match=f"'{name}.yaml' is (not in|a link to a place outside) the folder"):
             ask(loaded, OpenFile(f"{name}.yaml"))
     os.mkfifo(folder / "sensor.py")
     (folder / "mine.yaml").write_text("vehicles: {V1: {own_sensors: {radar: 'sensor.py:Sensor'}}}")
@@ -368,16 +368,16 @@ def test_the_text_of_a_scenario_is_loaded_without_edits_and_its_own_map_too(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (sent("/etc/passwd"), "map '/etc/passwd' is not of the simulator"),
-        (sent("../secret.yaml"), "map '../secret.yaml' is not of the simulator"),
-        (sent("../../scenario/data/maps/oval"), "is not of the simulator"),
-        (sent(type_="./car.yaml"), "vehicle './car.yaml' is not of the simulator. Known: nigel"),
+        (sent("/etc/passwd"), "map '/etc/passwd' does not belong to the simulator"),
+        (sent("../secret.yaml"), "map '../secret.yaml' does not belong to the simulator"),
+        (sent("../../scenario/data/maps/oval"), "does not belong to the simulator"),
+        (sent(type_="./car.yaml"), "vehicle './car.yaml' does not belong to the simulator. Known: nigel"),
         (sent(more=", own_sensors: {x: 'attack.py:Attack'}"), "sensors are Python files"),
         (
             sent("{title: x, placements: [{module: ../x.yaml, x: 0, y: 0}]}"),
-            "module '../x.yaml' is not of the simulator",
+            "module '../x.yaml' does not belong to the simulator",
         ),
-        (sent() + "race: {rules: /etc/hosts.yaml}\n", "ruleset '/etc/hosts.yaml' is not of the simulator"),
+        (sent() + "race: {rules: /etc/hosts.yaml}\n", "ruleset '/etc/hosts.yaml' does not belong to the simulator"),
         (sent() + "speed: 3\n", r"speed \(line 5\)"),
         (sent()[:-20], "invalid YAML|line"),
         ("vehicles: []", "vehicles"),

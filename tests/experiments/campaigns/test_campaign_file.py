@@ -60,7 +60,7 @@ def test_all_faults_are_reported_at_once(campaign: Make, tmp_path: Path) -> None
         "the method 'sobol' needs a count",
         "'distancex' is not known",
         "'collisionz' is not a metric of this campaign",
-        "'Collisionx' is no event",
+        "'Collisionx' is not an event",
         "file 'map.png' does not exist",
         "a list of different seeds",
         "short.yaml",

@@ -176,7 +176,9 @@ def test_a_script_travels_with_the_modules_beside_it(campaign: Make, tmp_path: P
 
 def test_what_cannot_travel_is_one_line(campaign: Make, tmp_path: Path) -> None:
     one = campaign(driver=f"{tmp_path / 'driver.py'}:Driver")
-    with pytest.raises(AutodriveError, match=r"driver\.py:Driver' cannot travel to other machines: give its path from"):
+    with pytest.raises(
+        AutodriveError, match=r"driver\.py:Driver' cannot be copied to other machines: give a path relative to"
+    ):
         CampaignFiles.pack(one)
 
 
@@ -186,7 +188,7 @@ def test_a_cluster_that_is_not_there_is_one_line(campaign: Make, tmp_path: Path)
     assert f"no Ray cluster at '127.0.0.1:{port}': Connection refused" in refused(
         "campaign", file, "--ray", f"127.0.0.1:{port}", cwd=tmp_path
     )
-    assert "'head' is no address of a Ray cluster: give HOST:PORT" in refused("campaign", file, "--ray", "head")
+    assert "'head' is not an address of a Ray cluster: give HOST:PORT" in refused("campaign", file, "--ray", "head")
 
 
 def test_ray_that_is_not_installed_is_one_line(campaign: Make, monkeypatch: pytest.MonkeyPatch) -> None:

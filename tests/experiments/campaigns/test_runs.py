@@ -162,7 +162,7 @@ def test_no_driver_ends_a_campaign(campaign: Make, tmp_path: Path) -> None:
     assert none == ""
     assert raises == "ValueError: the road is lost  (driver.py, line 17)"
     assert leaves == "SystemExit: 3  (driver.py, line 19)"
-    assert kills == "the run ended its process"
+    assert kills == "the process of the run ended before the run"
     assert hangs == "the run did not end within 8 s of wall time"
     assert talks.startswith("CommandError: vehicle 'V9'")
     report = (outcome.report).read_text()

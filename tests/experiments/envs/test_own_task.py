@@ -104,7 +104,7 @@ def test_cars_start_where_they_fit_on_a_map_with_obstacles(tmp_path: Path) -> No
         (PARKING, {"reward": lambda _: [[1], [2, 3]]}, r"array of the shape \(3,\), not \[\[1\], \[2, 3\]\]"),
         (PARKING, {"reward": lambda _: [0.0, np.nan, 0.0]}, "must be finite, but that of environment 1 is nan"),
         (PARKING, {"end": lambda step: step.speed}, r"end: must return True or False for each car, .* not float64"),
-        (PARKING, {"map": "oval"}, "map: only lane keeping takes another map"),
+        (PARKING, {"map": "oval"}, "map: only lane keeping accepts another map"),
         (LANE, {"map": "plane"}, "map: 'plane' has no closed way of lanes"),
         (LANE, {"map": "practice"}, "'practice' is a race track: RoboRacer-v0 drives on it, with track='practice'"),
         (RACER, {"track": "practise"}, r"track 'practise' is not known\. .*Did you mean 'practice'\?"),

@@ -338,7 +338,7 @@ def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
 def test_a_missing_or_wrong_action_is_named() -> None:
     env = CrossingParallelEnv(variant="published")
     env.reset(seed=1)
-    with pytest.raises(CommandError, match="actions: that of V4 is missing"):
+    with pytest.raises(CommandError, match="actions: the action of V4 is missing"):
         env.step(dict.fromkeys(("V1", "V2", "V3"), FAST))
     with pytest.raises(CommandError, match="actions must be from 0 to 5"):
         env.step(dict.fromkeys(env.agents, 6))

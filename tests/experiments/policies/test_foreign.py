@@ -173,14 +173,16 @@ def test_a_network_that_does_not_fit_is_named(tmp_path: Path) -> None:
     file = tmp_path / "policy.onnx"
     plain(file, 13, 6)
     wanted = "a network for 'crossing' reads 14 numbers and chooses one of 6 actions"
-    assert_error(file, "crossing", f"its observations have 13 numbers, but {wanted}")
+    assert_error(file, "crossing", f"the observations of the network have 13 numbers, but {wanted}")
     plain(file, 14, 7)
     assert_error(file, "crossing", f"output 'scores' has 7 numbers for a car, but {wanted}")
-    assert_error(file, "duel", "its observations have 14 numbers, but a network for 'duel' reads 55 numbers")
+    assert_error(
+        file, "duel", "the observations of the network have 14 numbers, but a network for 'duel' reads 55 numbers"
+    )
     ml_agents(file, (54, 2), (3, 3))
-    assert_error(file, "duel", "its observations have 54 \\+ 2 numbers")
+    assert_error(file, "duel", "the observations of the network have 54 \\+ 2 numbers")
     file.write_bytes(b"no network")
-    assert_error(file, "crossing", "it is not a network in the format ONNX, or exceeds a limit: ")
+    assert_error(file, "crossing", "the file is not a network in the format ONNX, or exceeds a limit: ")
     assert_error(tmp_path / "missing.onnx", "crossing", "missing.onnx: there is no such file")
     image = {"obs_0": (FLOAT, ["n", 14, 1])}, {"action": (FLOAT, ["n", 14, 1])}
     save(file, *image, [helper.make_node("Identity", ["obs_0"], ["action"])], {})
@@ -196,7 +198,7 @@ def test_a_choice_that_does_not_exist_is_named(tmp_path: Path) -> None:
     constants = {"w": np.zeros((14, 1), np.float32), "b": np.full(1, 6.0, np.float32)}
     file = tmp_path / "policy.onnx"
     save(file, *sizes, nodes, constants)
-    assert_error(file, "crossing", r"it chose \[6.0\]; the choices are 0 to \[5\]")
+    assert_error(file, "crossing", r"the network chose \[6.0\]; the choices are 0 to \[5\]")
 
 
 def test_without_the_runtime_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,10 +138,10 @@ def test_cars_have_memories_of_their_own() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("wheel_speed@0", "input 'wheel_speed@0' of the policy: after '@' come the steps ago, 1 to 100"),
+        ("wheel_speed@0", "input 'wheel_speed@0' of the policy: after '@', write how many steps ago, 1 to 100"),
         ("wheel_speed@101", "1 to 100"),
         ("wheel_speed@x", "1 to 100"),
-        ("drive", "input 'drive' of the policy is its own output"),
+        ("drive", "input 'drive' of the policy is an output of the policy"),
         ("grip@2", "the policy reads grip, which is not among its readings"),
     ],
 )
@@ -335,7 +335,7 @@ def test_the_top_throttle_of_a_pace_limits_what_is_commanded_and_nothing_else() 
         (lambda about, arrays: about["pace"].update(scale=[1.0]), "a pace with 4 inputs needs as many scales, not 1"),
         (
             lambda about, arrays: about["pace"].update(inputs=["throttle"] * 4),
-            "'throttle' of the policy is its own output",
+            "'throttle' of the policy is an output of the policy",
         ),
         (lambda about, arrays: arrays.pop("pace_weight_1"), "the last layer of a pace has two outputs, slowness"),
         (lambda about, arrays: arrays.update(pace_bias_0=np.full(8, np.nan)), "layer 0 of the pace has numbers"),

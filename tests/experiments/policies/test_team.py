@@ -87,9 +87,9 @@ def test_a_policy_of_another_task_is_refused() -> None:
         ("duel network.onnx --laps 3", "--laps has no meaning in the task 'duel'"),
         ("duel network.onnx --rival race", "--rival has no meaning in the task 'duel'"),
         ("duel crossing", "the policy was trained for 'crossing', not for a race"),
-        ("duel --rival none.py", "none.py: there is no such file with a function command(ranges, angles)"),
+        ("duel --rival none.py", "none.py does not exist, or has no function command(ranges, angles)"),
         ("race practice --episodes 2", "--episodes has no meaning on a track"),
-        ("race --laps 2", "--laps has no meaning for a devkit script"),
+        ("race --laps 2", "--laps has no meaning for a policy without a track"),
     ],
 )
 def test_an_option_without_a_meaning_is_refused(arguments: str, error: str) -> None:

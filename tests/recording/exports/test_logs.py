@@ -68,7 +68,10 @@ def test_the_same_car_is_the_same_in_a_log_whose_clock_jumps(
     # a part that starts again has the rounded speed and the late position of a row: 0.6 % instead of 0.1 %
     assert found.errors["distance"].rms < 0.01 * found.length
     lines = ", ".join(str(row + 1) for row in shift)
-    assert f"note: the log has gaps or jumps of its clock before lines {lines}: each part starts" in found.table()
+    assert (
+        f"note: the log has gaps or jumps of its clock before lines {lines}: each part of the drive starts"
+        in found.table()
+    )
     assert "note" not in usual.table()
 
 
@@ -104,7 +107,7 @@ def test_a_gap_is_no_part_of_the_drive_that_is_fitted(whole: Path, tmp_path: Pat
 def test_steering_with_the_other_sign_is_refused_and_not_fitted(whole: Path, tmp_path: Path) -> None:
     mirrored = changed(whole, tmp_path / "log.csv", sign=-1.0)
     for log, wrong, right in ((mirrored, "left", "right"), (whole, "right", "left")):
-        said = f"the car turns to the other side than its steering: a positive angle in this log points to the {right}"
+        said = f"the car turns to the opposite side of its steering: a positive angle in this log points to the {right}"
         with pytest.raises(RecordingError, match=said):
             read(log, is_left_positive=wrong == "left")
         assert f"use --steering {right}" in refused("compare", log, "--steering", wrong)

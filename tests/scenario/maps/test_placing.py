@@ -112,7 +112,7 @@ colour: green
         "Move the second module by (-0.01, 0) m",
         "placement 3 'straight_road' (line 6) overlaps placement 5 'curved_road'",
         "placement 6 'turned' (line 9): mass cannot be set for road_patch, which is a road",
-        "placement 6 'turned' (line 9): open: road_patch has no port 'north'. It has: east, west",
+        "placement 6 'turned' (line 9): open: road_patch has no port 'north'. Ports of road_patch: east, west",
         "placement 7.mass (line 10): must be at least 0.001, not -1.0",
         "placement 9 'box' (line 12): the name 'box' is already used",
         "placement 8 'box' (line 11) overlaps placement 9 'box' (line 12) by 50 cm^2",
@@ -144,7 +144,7 @@ def test_ports_of_different_heading_or_width_are_an_error(tmp_path):
     )
     straight = "{module: straight_road, x: 0, y: 0, open: true}"
     error = broken(tmp_path, f"title: T\nplacements:\n  - {straight}\n  - {{module: lane.yaml, x: 0.8, y: 0}}\n")
-    assert "are not equally wide: 0.6 m and 0.3 m" in str(error)
+    assert "have different widths: 0.6 m and 0.3 m" in str(error)
     x, y = 0.3 + 0.3 * math.cos(0.1), 0.3 * math.sin(0.1)
     turned = f"{{module: straight_road, x: {x}, y: {y}, yaw_deg: {math.degrees(0.1)}, open: true}}"
     error = broken(tmp_path, f"title: T\nplacements:\n  - {straight}\n  - {turned}\n")

@@ -108,8 +108,8 @@ def assert_between_the_walls(track: Track, *, length: float = LENGTH, obstacles:
 def warnings_of(path: Path, options: ImportOptions | None = None) -> tuple[Track, list[str]]:
     """The track and its warnings, but the one that the centre line is the middle."""
     track, warnings = import_track(path, options)
-    assert [text for text in warnings if "it is the middle between the walls" in text]
-    return track, [text for text in warnings if "it is the middle between the walls" not in text]
+    assert [text for text in warnings if "the middle between the walls becomes the centre line" in text]
+    return track, [text for text in warnings if "the middle between the walls becomes the centre line" not in text]
 
 
 def length_in(text: str) -> float:
@@ -184,7 +184,7 @@ def test_open_walls_without_a_ring_are_refused(tmp_path: Path) -> None:
 def test_the_border_of_the_image_is_the_outer_wall_only_around_one_inner_wall(tmp_path: Path) -> None:
     block = shapely.box(-4.0, -2.0, 4.0, 2.0)
     track, warnings = warnings_of(draw(tmp_path, (block, OCCUPIED), size=(12.0, 8.0)))
-    assert any("it is the border of the image" in text for text in warnings)
+    assert any("the border of the image is the outer wall" in text for text in warnings)
     assert np.median(track.centre_line[:, 2:].sum(axis=1)) == pytest.approx(2.0, abs=0.1)
     corner = shapely.box(-4.0, -2.0, -1.0, 2.0)
     with pytest.raises(SpecError, match="lies along the border of the image"):

@@ -94,5 +94,5 @@ def test_speeds_are_those_of_the_equations_of_motion() -> None:
 def test_a_track_that_is_too_narrow_has_no_race_line() -> None:
     track = Track.load("practice")
     narrow = replace(track, centre_line=track.centre_line * np.array([1.0, 1.0, 0.3, 0.3]))
-    with pytest.raises(SpecError, match=r"it is 0.36 m wide at point 0.*needs 0.5 m"):
+    with pytest.raises(SpecError, match=r"is 0.36 m wide at point 0.*needs 0.5 m"):
         race_line(narrow, CarLimits())

@@ -213,14 +213,14 @@ def test_probable_mistakes_are_warnings(bean: Track, folder: Path) -> None:
     write(from_y)
     track, warnings = import_track(folder)
     assert len(warnings) == 1
-    assert "they fit angles from +y, counter-clockwise" in warnings[0]
+    assert "the values of psi fit angles from +y, counter-clockwise" in warnings[0]
     assert track.race_line is not None
     assert np.allclose(track.race_line[:, 3], bean.race_line[:, 3], atol=1e-3)
 
     write(bean.race_line[::-1])
     track, warnings = import_track(folder)
     assert track.race_line is None
-    assert warnings == ["the race line runs against the direction of the centre line; it is left out"]
+    assert warnings == ["the race line runs against the direction of the centre line; the race line is left out"]
 
     path.unlink()
     text = (folder / "bean_centerline.csv").read_text()

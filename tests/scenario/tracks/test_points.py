@@ -147,7 +147,7 @@ def test_a_track_by_points_has_the_bits_of_its_centre_line_in_a_file_and_in_a_sc
             r"point 1 \(line 3\): neighbouring .* at least 5 cm",
         ),
         (("points: [0 0, ", "points: [600 0, "), r"points \(line 3\): positions must be at most 500 m"),
-        (("width: 1.2", "width: 1.2\nwalls: [[0 0, 1 0, 1 1]]"), r"walls .*follows from the points"),
+        (("width: 1.2", "width: 1.2\nwalls: [[0 0, 1 0, 1 1]]"), r"walls .*is computed from the points"),
         (("width: 1.2", ""), r"width: is required with points"),
         (("width: 1.2", "width: 0.1"), r"width \(line 4\): must be at least 0.2"),
         (("6 0, 12 -1", "6 0, x"), r"point 3.*found 'x'"),
@@ -169,7 +169,7 @@ def test_what_is_wrong_with_points_is_said(change: tuple[str, str], message: str
 def test_points_on_one_line_have_faults_and_a_track_without_a_line_is_refused() -> None:
     assert {one.kind for one in faults(np.array([(0, 0), (3, 0), (6, 0)], dtype=float), 1.0)} == {"touch"}
     assert Track.of(TrackSpec(points=((0, 0), (3, 0), (6, 0)), width=1.0), "flat").length == pytest.approx(12, rel=0.1)
-    with pytest.raises(SpecError, match="centre_line: is required, or points with a width"):
+    with pytest.raises(SpecError, match="centre_line: is required; or give points and a width"):
         TrackSpec(title="x")
 
 

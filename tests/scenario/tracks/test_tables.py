@@ -67,7 +67,7 @@ def test_forms_of_a_header(header: str, columns: tuple[int, ...], separator: str
         ("x_cm,y_cm,w_tr_right_cm,w_tr_left_cm", 4, "has no column for x, y"),
         ("x,y,right", 4, "the header names 3 columns .*; the rows have 4"),
         ("# x_m, y_m, w_tr_left_m", 4, "the header names 3 columns .*; the rows have 4"),
-        ("x,pos_x,y,right", 4, "two columns hold the same: x and pos_x"),
+        ("x,pos_x,y,right", 4, "two columns have the same meaning: x and pos_x"),
         ("", 3, "the file has 3 columns without names"),
     ],
 )
@@ -145,7 +145,7 @@ def test_points_one_centimetre_apart_give_walls(noise: float, tmp_path: Path) ->
     )
     assert len(track.walls) == 2
     (text,) = warnings
-    assert " cm apart: it becomes 318 means of them" in text
+    assert " cm apart: they are replaced by 318 means of neighbouring points" in text
 
 
 def test_edges_that_cross_in_a_bend_become_the_line_around_their_area(tmp_path: Path) -> None:

@@ -59,10 +59,10 @@ def test_names_of_new_roads_are_free_and_ends_may_be_named() -> None:
 @pytest.mark.parametrize(
     ("edit", "text"),
     [
-        (CloseLoop("aa"), "'aa' is no module of the map. Known: a, b, c, curve. Did you mean 'a'?"),
+        (CloseLoop("aa"), "'aa' is not a module of the map. Known: a, b, c, curve. Did you mean 'a'?"),
         (CloseLoop("a", "north"), "'a' has no open end 'north'"),
         (CloseLoop("a", "east", "curve"), r"no chain of roads leads from port 'east' of 'a' to port '(west|north)'"),
-        (CloseLoop("b", "", "a"), r"Move '[ab]', and what is connected with it, by \(-?0.05, 0\) m"),
+        (CloseLoop("b", "", "a"), r"Move '[ab]' and the modules that are connected with '[ab]' by \(-?0.05, 0\) m"),
         (CloseLoop("c", "", "a"), "there is no other open end of that width in the map"),
     ],
 )
@@ -85,7 +85,7 @@ def test_what_cannot_be_closed_says_why(tmp_path: Path, edit: CloseLoop, text: s
 def test_a_town_without_open_ends_says_so() -> None:
     made = Building()
     made.ask(UseMap("oval"))
-    with pytest.raises(CommandError, match=r"no open end|no module of the map"):
+    with pytest.raises(CommandError, match=r"no open end|not a module of the map"):
         made.ask(CloseLoop("curved_road_1"))
     made.ask(EditMap({"w": MapModule("dead_end", 4.0, 4.0)}))
     with pytest.raises(CommandError, match="there is no other open end"):

@@ -214,7 +214,7 @@ def test_the_second_of_two_people_who_change_the_same_part_is_told() -> None:
         ({"a": MapModule("dead_end", 9.0, 9.0)}, {"a": None}),
     ):
         before = building.simulation.map_text()
-        with pytest.raises(CommandError, match="was changed by another client meanwhile"):
+        with pytest.raises(CommandError, match="was changed by another client in the meantime"):
             building.ask(EditMap({**parts}, {**known}))
         assert building.simulation.map_text() == before
     assert building.simulation.undo_name == "remove b"

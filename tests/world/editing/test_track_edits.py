@@ -111,7 +111,7 @@ def test_the_second_edit_of_what_another_client_changed_is_refused() -> None:
     seen = building.track.line
     building.ask(EditTrack(moved(seen, 1, 0.1, 0.0), seen=seen))
     now = digest(building.world.frame)
-    with pytest.raises(CommandError, match="changed by another client meanwhile"):
+    with pytest.raises(CommandError, match="changed by another client in the meantime"):
         building.ask(EditTrack(moved(seen, 2, 0.1, 0.0), seen=seen))
     assert digest(building.world.frame) == now
     with pytest.raises(CommandError, match="changed by another client"):

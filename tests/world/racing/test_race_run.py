@@ -158,7 +158,7 @@ def test_a_script_that_repeats_its_commands_is_named_and_slowed_down_to_real_tim
         result = race(options, observer=Reading())
     assert not any("x0.00" in line for line in lines)
     assert any(re.match(r" +\d+\.\d s  x\d+\.\d\d  V1 ", line) for line in lines)  # how fast it goes
-    assert result.notes["V1"].startswith("Most of its commands drove 4 ticks: ")
+    assert result.notes["V1"].startswith("Most commands of the script drove 4 ticks: ")
     assert "the result depends on the machine" in result.to_markdown()
     assert result.wall_time > 1.5  # the first second, of 40 commands, may be faster
     attentive = Script()
@@ -288,7 +288,7 @@ def test_a_viewer_cannot_change_a_race_and_the_race_goes_on(tmp_path: Path, is_l
         )
         result = race(options, observer=viewer)
     assert [one.reason for one in result.standings] == ["not finished after 6 s"]
-    assert viewer.texts[0].startswith("a race is in progress: it takes no LoadScenario")
+    assert viewer.texts[0].startswith("a race is in progress: LoadScenario would change the race")
     assert len(viewer.texts) == (8 if is_lockstep else 6)
 
 

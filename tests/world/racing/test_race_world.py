@@ -127,7 +127,7 @@ def test_after_a_set_back_a_car_waits_for_its_restart_and_laps_are_timed_on_ever
 
 
 def test_wrong_races_are_refused() -> None:
-    with pytest.raises(SpecError, match=r"race: map 'plane' is no track"):
+    with pytest.raises(SpecError, match=r"race: map 'plane' is not a track"):
         autodrive.make(ScenarioSpec(race=RaceSpec()))
     with pytest.raises(SpecError, match="ruleset 'leage_2026' is not known"):
         autodrive.make(ScenarioSpec(map="practice", race=RaceSpec(rules="leage_2026")))

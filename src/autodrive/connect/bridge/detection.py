@@ -16,8 +16,8 @@ from autodrive.protocol.devkit_profile import (
 )
 
 NOTE = (
-    "The keys of 2022 and 2023 are the same; this script is taken for one of 2023, whose positive steering turns left. "
-    "If the car turns the wrong way, restart with --devkit-profile 2022 or --devkit-steering right."
+    "The devkits 2022 and 2023 have the same keys; this script is treated as one of 2023: positive steering "
+    "turns left. If the car turns the wrong way, restart with --devkit-profile 2022 or --devkit-steering right."
 )
 
 

@@ -100,7 +100,7 @@ class EngineIoConnection:
                 raise ConnectionEnd("the server closed the connection")
             case "2", _:
                 if len(packet) > MAX_PING:
-                    raise PacketError(f"a ping of {len(packet)} characters")
+                    raise PacketError(f"a ping of {len(packet)} characters; at most {MAX_PING} are accepted")
                 self._answer("3" + packet[1:])
             case (("3" | "6"), _):
                 pass
@@ -176,7 +176,7 @@ class EngineIoConnection:
 
     def _answer(self, packet: str) -> None:
         if len(self.outbox) >= MAX_WAITING:
-            raise ConnectionEnd("the server sends, but does not read")
+            raise ConnectionEnd("the server sends messages, but does not read messages")
         self.outbox.append(packet)
 
     def _content(self, packet: str) -> Event | Acknowledgement | None:

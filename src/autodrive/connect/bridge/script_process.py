@@ -46,7 +46,11 @@ class ScriptProcess:
         lines = self._output.read().decode("utf-8", "replace").strip().splitlines()
         end = f"the script ended with exit code {code}" + (f": {lines[-1][:200]}" if lines else "")
         replacing = [name for folder in self._folders for name in replacing_modules(folder)] if code else []
-        return end + (f"; files beside it replace modules of their names: {', '.join(replacing)}" if replacing else "")
+        return end + (
+            f"; files in the folder of the script replace Python modules of the same name: {', '.join(replacing)}"
+            if replacing
+            else ""
+        )
 
     def close(self) -> None:
         """End the script, and all processes that it started."""

@@ -66,7 +66,8 @@ class Address:
             has_scheme, parts = False, urlsplit("")
         if not host or parts.scheme not in {"http", "https", "ws", "wss"}:
             raise AutodriveError(
-                f"'{text}' is not the address of a simulator; use '127.0.0.1:{PORT}' or the link that it prints"
+                f"'{text}' is not the address of a simulator; use '127.0.0.1:{PORT}' or the link that the simulator "
+                "prints"
             )
         is_secure = parts.scheme in {"https", "wss"}
         usual = (443 if is_secure else 80) if has_scheme else PORT
@@ -170,7 +171,7 @@ class ClientSocket:
             if address.is_secure:
                 tcp = ssl.create_default_context().wrap_socket(tcp, server_hostname=address.host)
         except ConnectionRefusedError:
-            start = "start one with 'autodrive', and use the link that it prints"
+            start = "start a simulator with 'autodrive', and use the link that 'autodrive' prints"
             raise NotListeningError(f"no simulator listens at {address}: {start}") from None
         except TimeoutError:
             raise NoSimulatorError(f"no answer from {address} within {self._timeout:g} s") from None
@@ -193,7 +194,9 @@ class ClientSocket:
             self._read()
         error = protocol.handshake_exc
         if isinstance(error, InvalidStatus) and error.response.status_code == 403:
-            raise AutodriveError(bytes(error.response.body or b"").decode(errors="replace") or "the simulator refused")
+            raise AutodriveError(
+                bytes(error.response.body or b"").decode(errors="replace") or "the simulator refused the connection"
+            )
         if error is not None and isinstance(error.__cause__, EOFError):
             raise self._lost()
         if error is not None:
@@ -255,7 +258,7 @@ class ClientSocket:
         is_room = self._selector.select(self._timeout)
         self._selector.modify(self._socket, selectors.EVENT_READ)
         if not is_room:
-            raise TimeoutError(f"the simulator at {self._address} took no message within {self._timeout:g} s")
+            raise TimeoutError(f"the simulator at {self._address} accepted no message within {self._timeout:g} s")
 
     def _lost(self) -> NoSimulatorError:
         reason = self._protocol.close_rcvd.reason if self._protocol.close_rcvd else ""

@@ -28,7 +28,7 @@ class Target:
         if self.run is not None and (origin is None or origin.id != self.run.origin.id):
             expected = f"not the last run in this folder, {described(self.run.origin)}"
         elif not self.is_chosen and origin is not None and origin.user != user_name():
-            expected = f"not of the user '{user_name()}', who has no run in this folder"
+            expected = f"not a simulator of the user '{user_name()}', who has no run in this folder"
         if not expected:
             return ""
         return f"the simulator at {self.address}, {described(origin)}, is {expected}: {_give(self.address)}"
@@ -62,7 +62,7 @@ def port_of_environment() -> int | None:
 def described(origin: RunOrigin | None) -> str:
     """Who started a simulator, and when: 'started by alice at 2026-01-31 10:20:30'."""
     if origin is None:
-        return "which does not say who started it"
+        return "started by an unknown user"
     return f"started by {origin.user} at {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(origin.started))}"
 
 

@@ -409,7 +409,7 @@ class Bridge:
         """The reset of the league: a level, so that one message with true is one reset."""
         if not self.config.is_league or self.config.race:
             return []
-        text = "resets the world when it becomes true"
+        text = "resets the world when the value becomes true"
         return [Subscription("autodrive/reset_command", "std_msgs/Bool", text, self._on_reset_level, "league")]
 
     def _on_reset_level(self, message: Any) -> None:
@@ -424,7 +424,7 @@ class Bridge:
     def _marker_subscriptions(self) -> list[Subscription]:
         if not self._is_direct or self.config.is_league:
             return []
-        text = "drawn into the view of the page, in map or a frame of a vehicle; direct mode"
+        text = "markers that the page draws into its view, in map or in a frame of a vehicle; direct mode"
         return [Subscription("autodrive/markers", "visualization_msgs/MarkerArray", text, self._on_markers)]
 
     def _on_markers(self, message: Any) -> None:
@@ -501,7 +501,7 @@ class Bridge:
     @property
     def _direct(self) -> DirectSource:
         if not isinstance(self._source, DirectSource):
-            raise AutodriveError("the devkit protocol has no such request: use the mode 'direct'")
+            raise AutodriveError("the devkit protocol does not have this request: use the mode 'direct'")
         return self._source
 
     @contextlib.contextmanager
@@ -526,5 +526,5 @@ class Bridge:
 
 def _light_command(state: Topic, callback: Callable[[Any], None]) -> Subscription:
     """Sets a traffic light; 0 lets it follow its program again."""
-    text = "0 as its program says, 1 red, 2 yellow, 3 green"
+    text = "0 by the light program, 1 red, 2 yellow, 3 green"
     return Subscription(state.name.replace("state", "command"), state.type, text, callback)

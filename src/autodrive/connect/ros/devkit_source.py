@@ -284,8 +284,9 @@ class _DevkitVehicle:
         self._is_checked = True
         known = " or ".join(f"'{other.name}'" for other in CARS.values())
         return (
-            f"{name} has a LIDAR of {count} rays, {car.name} one of {car.lidar_rays}: it is another car. The devkit "
-            f"protocol does not say which one, so frames, angles of the LIDAR and limits of {car.name} are used. Set "
+            f"{name} has a LIDAR with {count} rays, but a {car.name} has a LIDAR with {car.lidar_rays} rays: {name} is "
+            f"not a {car.name}. The devkit protocol does not state the type of {name}, so that frames, angles of the "
+            f"LIDAR and limits of {car.name} are used. Set "
             f"vehicle_type to {known}, or use the mode 'direct'"
         )
 

@@ -58,7 +58,9 @@ def quaternion(message: Any) -> Quaternion:
     length = math.hypot(*components)
     if not 1e-6 < length < math.inf:
         w, x, y, z = components
-        raise CommandError(f"the orientation x {x:g}, y {y:g}, z {z:g}, w {w:g} is no rotation: set w to 1 for none")
+        raise CommandError(
+            f"the orientation x {x:g}, y {y:g}, z {z:g}, w {w:g} is not a rotation: set w to 1 for no rotation"
+        )
     return tuple(part / length for part in components)  # type: ignore[return-value]
 
 

@@ -121,13 +121,15 @@ class CameraTopics:
 
 TF = Topic("/tf", "tf2_msgs/TFMessage", "map to odom to base_link; steering and wheels", "tf", "restricted")
 TF_STATIC = Topic("/tf_static", "tf2_msgs/TFMessage", "world to map; sensors on the vehicle", "latched")
-CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode the node's time", "clock", "allowed")
+CLOCK = Topic(
+    "/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode the time of the node", "clock", "allowed"
+)
 WORLD_TOPICS = [TF, TF_STATIC, CLOCK]
 ENVIRONMENT_TOPICS = {
     "Auto Time": ("auto_time", "std_msgs/Bool", "whether the time of day passes"),
     "Time Scale": ("time_scale", "std_msgs/Float32", "seconds of the day per second, with auto_time"),
     "Time": ("time_of_day", "std_msgs/Int32", "minutes since midnight, without auto_time"),
-    "Weather": ("weather_id", "std_msgs/Int32", "0 own amounts, 1 sunny ... 8 heavy snow"),
+    "Weather": ("weather_id", "std_msgs/Int32", "0 amounts of the four intensity topics, 1 sunny ... 8 heavy snow"),
     "Clouds": ("cloud_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
     "Fog": ("fog_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),
     "Rain": ("rain_intensity", "std_msgs/Float32", "0 to 1, with weather_id 0"),

@@ -212,9 +212,13 @@ class VehiclePublisher:
             w, *axis = compose(inverse(other.orientation), frame.orientation)
             angle = 2.0 * math.atan2(math.hypot(*axis), abs(w))
             if max(distance, angle) > TOLERANCE:
-                apart.append(f"{frame.child} by {distance:.3f} m and {math.degrees(angle):.1f} degrees")
+                apart.append(f"{frame.child} differs by {distance:.3f} m and {math.degrees(angle):.1f} degrees")
         text = f"the given robot_description is not that of {self.topics.name} in the simulator: {', '.join(apart)}. "
-        return text + "Leave robot_description out, then the bridge uses that of the simulator" if apart else ""
+        return (
+            text + "Leave robot_description out: then the bridge uses the robot_description of the simulator"
+            if apart
+            else ""
+        )
 
     def _joints(self, vehicle: VehicleFrame) -> list[Transform]:
         frame = self.topics.frame

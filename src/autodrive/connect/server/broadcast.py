@@ -154,7 +154,7 @@ class Broadcast:
         try:
             await self.remote_views.set_world(world)
         except Exception:
-            log.exception("server: the scene cameras cannot be started; clients get no images of them")
+            log.exception("server: the scene cameras cannot be started; clients get no images of the scene cameras")
         self.note = ""
         if self._world is not None:
             self._world.watch_contacts(False)

@@ -87,8 +87,10 @@ class Driving:
 
 def taken(vehicle: str, other: ConnectedClient) -> str:
     """The text of the Error 'taken'."""
-    name, last = ("another browser", "key") if PAGE_NAME.fullmatch(other.name) else (f"'{other.name}'", "command")
-    return f"{name} drives {vehicle}; it is free {LEASE_TIME:g} s after its last {last}"
+    name, last = f"'{other.name}'", f"command of '{other.name}'"
+    if PAGE_NAME.fullmatch(other.name):
+        name, last = "another browser", "key of that browser"
+    return f"{name} drives {vehicle}; {vehicle} is free {LEASE_TIME:g} s after the last {last}"
 
 
 def _wrong_mode(drive: Drive) -> str:

@@ -186,7 +186,9 @@ class Hub:
                 elif limit.allows(self.now()):
                     self._handle(client, message)
                 elif warnings.admits("messages"):
-                    client.send_error(Error("rate", f"more than {RATE:g} messages per second; some are dropped"))
+                    client.send_error(
+                        Error("rate", f"more than {RATE:g} messages per second; some messages are dropped")
+                    )
             elif warnings.admits("bytes"):
                 client.send_error(Error("rate", f"more than {BYTES:g} bytes per second; some messages are dropped"))
             if limit.is_exhausted or client.is_overrun:
@@ -197,7 +199,7 @@ class Hub:
         age = 0.0 if request.heard is None else self.now() - request.heard
         if age <= MAX_AGE:
             return None
-        text = f"the connection was interrupted: the request came {age:.0f} s late and was not carried out"
+        text = f"the connection was interrupted: the request arrived {age:.0f} s late and was not executed"
         return Error("request", text, request.id)
 
     def _handle(self, client: ConnectedClient, message: ClientMessage | Error) -> None:

@@ -245,7 +245,9 @@ class Requests:
         if not self._simulation.is_paused:
             raise AutodriveError(NOT_PAUSED)
         if step.ticks > MAX_TICKS:
-            raise AutodriveError(f"a requested Step has at most {MAX_TICKS} ticks, not {step.ticks}: request several")
+            raise AutodriveError(
+                f"a requested Step has at most {MAX_TICKS} ticks, not {step.ticks}: request several Steps"
+            )
         if step.commands.keys() - self._simulation.frame.vehicles.keys():
             return  # the simulation refuses it
         now = self._clock()

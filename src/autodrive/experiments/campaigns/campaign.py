@@ -279,7 +279,7 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         )
     for i, name in enumerate(spec.stop.events):
         if name not in EVENTS:
-            yield ("stop", "events", i), f"'{name}' is no event. {suggest(name, EVENTS)}"
+            yield ("stop", "events", i), f"'{name}' is not an event. {suggest(name, EVENTS)}"
     for i, name in enumerate(spec.files):
         if not (folder / name).is_file():
             yield ("files", i), f"file '{name}' does not exist"
@@ -290,7 +290,10 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     method, ranges = spec.samples.method, spec.parameters
     for name in ranges:
         if parameters.DRIVER.fullmatch(name) and not FUNCTION.fullmatch(spec.driver):
-            yield ("parameters", name), "only a class 'FILE.py:CLASS' has arguments; another driver would ignore it"
+            yield (
+                ("parameters", name),
+                "only a class 'FILE.py:CLASS' has arguments; another driver would ignore this parameter",
+            )
     if method == "grid":
         for name, range_ in ranges.items():
             if range_.is_continuous:
@@ -303,7 +306,10 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         crossed = {name for name, range_ in ranges.items() if range_.grid}
         for i, point in enumerate(spec.samples.points):
             if wrong := sorted(set(point) ^ (set(ranges) - crossed)):
-                yield ("samples", "points", i), f"must have each parameter without a grid, once: {', '.join(wrong)}"
+                yield (
+                    ("samples", "points", i),
+                    f"must have each parameter without a grid exactly once: {', '.join(wrong)}",
+                )
             for name, value in point.items():
                 if name in ranges and not ranges[name].is_continuous and value not in ranges[name].values:
                     yield ("samples", "points", i, name), f"{value!r} is not one of the values of the parameter"

@@ -47,7 +47,7 @@ class CampaignFiles(Code):
             file = Path(name.partition(":")[0])
             if file.is_absolute() and (is_yaml(file) or file.suffix in {".py", ".npz"}):
                 raise AutodriveError(
-                    f"'{name}' cannot travel to other machines: give its path from the folder of the campaign"
+                    f"'{name}' cannot be copied to other machines: give a path relative to the folder of the campaign"
                 )
         return cls.of(campaign)
 

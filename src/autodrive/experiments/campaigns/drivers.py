@@ -56,7 +56,7 @@ class PolicyDriver:
         if abs(self._ticks * scene.scenario.tick - self._period) > 1e-9:
             raise AutodriveError(
                 f"a policy drives each {self._period:g} s, which must be a multiple of the scenario's tick, such as "
-                f"tick: 0.005; it is {scene.scenario.tick:g}"
+                f"tick: 0.005; the tick of this scenario is {scene.scenario.tick:g} s"
             )
 
     def act(self, frame: Frame) -> Commands:

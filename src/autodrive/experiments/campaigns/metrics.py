@@ -215,7 +215,7 @@ METRICS: dict[str, Callable[[RunScene], Metric]] = {
 def _outline(spec: Any) -> shapely.Polygon:
     """The box around chassis and wheels, seen from above, in the vehicle frame."""
     low, high = [], []
-    for box in spec.platforms:
+    for box in (*spec.platforms, *spec.bumpers):
         low.append([box.position[i] - box.size[i] / 2 for i in (0, 1)])
         high.append([box.position[i] + box.size[i] / 2 for i in (0, 1)])
     for hub in spec.hubs:

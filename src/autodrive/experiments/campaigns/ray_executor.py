@@ -149,7 +149,7 @@ class RayExecutor:
                 socket.create_connection((host, int(port)), CONNECT_TIME).close()
             except ValueError:
                 raise AutodriveError(
-                    f"'{address}' is no address of a Ray cluster: give HOST:PORT, '{AUTO}' or '{LOCAL}'"
+                    f"'{address}' is not an address of a Ray cluster: give HOST:PORT, '{AUTO}' or '{LOCAL}'"
                 ) from None
             except OSError as error:
                 raise AutodriveError(f"there is no Ray cluster at '{address}': {error.strerror or error}") from None
@@ -192,7 +192,7 @@ class RayExecutor:
             self._losses += 1
             if self._losses > LOSSES * self.size:
                 text = " ".join(str(error).split())[:300]
-                raise AutodriveError(f"the processes on the cluster end before a run does: {text}") from None
+                raise AutodriveError(f"the processes on the cluster end before a run ends: {text}") from None
             with contextlib.suppress(errors.RayError):
                 self._ray.kill(actor)  # one that cannot be reached may still run
             if run is not None:

@@ -106,7 +106,8 @@ def run_campaign(
     with locked(folder):
         if (others := results_of_others(campaign, folder)) and not overwrites:
             raise AutodriveError(
-                f"the folder has the results of another campaign: choose another one, or overwrite them  ({others[0]})"
+                "the folder has the results of another campaign: choose another folder, or overwrite the results  "
+                f"({others[0]})"
             )
         files = executor.files if executor else CampaignFiles.of(campaign)
         cache = (cache or RowCache()) if uses_cache else None
@@ -114,7 +115,10 @@ def run_campaign(
         running = _RunningCampaign(campaign, folder, RunKeys(files), progress, observer, cache)
         write_file(folder / OWNER, _owner(campaign, folder))
         if (places := files.opaque) and uses_cache:
-            log.warning("rows are reused even if other code is run there: name its files in 'files'  (%s)", places)
+            log.warning(
+                "results of runs are reused even if this code has changed: name the files of the code in 'files'  (%s)",
+                places,
+            )
         return running.outcome(running.results(executor, lambda: local_executor(campaign, workers, files)))
 
 

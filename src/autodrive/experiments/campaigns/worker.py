@@ -47,7 +47,7 @@ class CampaignWorker:
                 code = self._end()
                 if code == LATE and time.monotonic() - start >= limit:
                     return RunResult(run.number, error=f"the run did not end within {limit:g} s of wall time")
-        return RunResult(run.number, error="the run ended its process")
+        return RunResult(run.number, error="the process of the run ended before the run")
 
     def close(self) -> None:
         """Kill the process; may be called from another thread, whose run then has an error."""

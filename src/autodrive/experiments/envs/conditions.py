@@ -111,7 +111,7 @@ def _drawn(limits: Range, rng: np.random.Generator) -> float:
 def range_errors(settings: Mapping[str, tuple[object, float, float]]) -> list[str]:
     """An error for each setting that is no `Range`. `settings`: value, least and greatest value by name."""
     return [
-        f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {value!r}"
+        f"{name}: must be a number from {least:g} to {most:g}, or two such numbers, the smaller first, not {value!r}"
         for name, (value, least, most) in settings.items()
         if not _is_range(value, least, most)
     ]

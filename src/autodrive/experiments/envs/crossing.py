@@ -117,7 +117,7 @@ OWN = (
     Feature("goal_y", -2.0, 2.0, f"y of the goal in the vehicle frame / ({LENGTH:g} m)"),
     Feature("lane", -2.0, 2.0, "distance from the middle of the right half of the road / (0.3 m), left positive"),
     Feature("road_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the road"),
-    Feature("road_sin", -1.0, 1.0, "sine of that angle, left positive"),
+    Feature("road_sin", -1.0, 1.0, "sine of the angle from the car to the direction of the road, left positive"),
     *(
         Feature(f"peer_{k}_{name}", -limit, limit, text)
         for k in OTHERS
@@ -125,7 +125,7 @@ OWN = (
             ("x", 2.0, f"x of another car in the vehicle frame, as last heard / ({LENGTH:g} m)"),
             ("y", 2.0, f"y of another car in the vehicle frame, as last heard / ({LENGTH:g} m)"),
             ("cos", 1.0, "cosine of the angle from the heading of the car to that of another car"),
-            ("sin", 1.0, "sine of that angle, left positive"),
+            ("sin", 1.0, "sine of the angle from the heading of the car to that of another car, left positive"),
             ("speed", 2.0, f"forward speed of another car, as last heard / ({SPEED} m/s)"),
             ("age", 1.0, f"steps since the last message of another car / {AGE:g}"),
         )

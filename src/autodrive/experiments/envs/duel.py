@@ -58,7 +58,12 @@ PUBLISHED = (
         for bearing in BEARINGS
         for feature in (
             Feature(f"miss_{bearing:g}", 0.0, 1.0, f"1 if the ray at {bearing:g} degrees, left positive, hits nothing"),
-            Feature(f"distance_{bearing:g}", 0.0, 1.0, "distance at which that ray hits something / (10 m)"),
+            Feature(
+                f"distance_{bearing:g}",
+                0.0,
+                1.0,
+                f"distance at which the ray at {bearing:g} degrees hits something / (10 m)",
+            ),
         )
     ),
     Feature("speed", 0.0, 25.0, "absolute forward speed [m/s], rounded to 0.01"),

@@ -15,7 +15,7 @@ GOAL = (
     Feature("goal_x", -8.0, 8.0, "x of the goal in the vehicle frame [m]"),
     Feature("goal_y", -8.0, 8.0, "y of the goal in the vehicle frame [m]"),
     Feature("goal_cos", -1.0, 1.0, "cosine of the angle from the heading of the car to that of the goal"),
-    Feature("goal_sin", -1.0, 1.0, "sine of that angle, left positive"),
+    Feature("goal_sin", -1.0, 1.0, "sine of the angle from the heading of the car to that of the goal, left positive"),
 )
 """The features after `MOTION`."""
 

@@ -56,7 +56,7 @@ class Navigation(Task):
         *MOTION,
         *GOAL,
         *(
-            Feature(f"{name}_{axis}", -8.0, 8.0, f"{axis} of that box in the vehicle frame [m]")
+            Feature(f"{name}_{axis}", -8.0, 8.0, f"{axis} of {name} in the vehicle frame [m]")
             for name in NAMES
             for axis in "xy"
         ),

@@ -19,9 +19,16 @@ PLACE, BEYOND, DRIVEN = 0, 1, 2
 def line_features(preview: Sequence[float], name: str, limit: float, most_offset: float) -> tuple[Feature, ...]:
     """The features that `look` writes, of a line that is called `name`. `limit`, `most_offset`: greatest values [m]."""
     return (
-        Feature("offset", -most_offset, most_offset, "distance from the centre line [m], left of it positive"),
+        Feature(
+            "offset",
+            -most_offset,
+            most_offset,
+            "distance from the centre line [m], positive to the left of the centre line",
+        ),
         Feature("direction_cos", -1.0, 1.0, f"cosine of the angle from the car to the direction of the {name}"),
-        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
+        Feature(
+            "direction_sin", -1.0, 1.0, f"sine of the angle from the car to the direction of the {name}, left positive"
+        ),
         *(
             Feature(
                 f"ahead_{distance:g}_{axis}",

@@ -59,7 +59,9 @@ class Tracks:
             self.starts.append(np.flatnonzero(room >= 0.0))
             self.room.append(np.clip(room, 0.0, MOST_ASIDE))
             if len(self.starts[k]) == 0:
-                raise SpecError([f"track '{track.name}': a car does not fit: it needs {2.0 * CAR_ROOM:g} m"])
+                raise SpecError(
+                    [f"track '{track.name}': a car does not fit: the track must be at least {2.0 * CAR_ROOM:g} m wide"]
+                )
 
     def pose(self, track: int, place: int, lateral: float = 0.0) -> Pose:
         """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""

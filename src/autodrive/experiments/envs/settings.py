@@ -165,7 +165,9 @@ def made_task(task: str | Task, frame_skip: int, map: str | Path | None, traffic
     elif task == LaneKeeping.name:
         made = LaneKeeping(frame_skip, map=map)
     else:
-        raise SpecError(["map: only lane keeping takes another map; on it, another task is a Task of your own"])
+        raise SpecError(
+            ["map: only lane keeping accepts another map; for another task on that map, write a Task of your own"]
+        )
     return with_traffic(made, traffic)
 
 
@@ -193,7 +195,7 @@ def check_changeable(name: str) -> None:
     """Raises `SpecError` for an attribute that nothing reads after the environment was made."""
     if name != CHANGEABLE:
         raise SpecError(
-            [f"{name}: nothing would change. Make a new environment with other settings, or set {CHANGEABLE}"]
+            [f"{name}: a change would have no effect. Make a new environment with other settings, or set {CHANGEABLE}"]
         )
 
 

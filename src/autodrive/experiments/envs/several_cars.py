@@ -132,7 +132,7 @@ class SeveralCarsParallelEnv(Remade, ParallelEnv[str, Any, Any]):
         if not rows:
             return {}, {}, {}, {}, {}
         if missing := sorted(rows.keys() - actions.keys()):
-            raise CommandError(f"actions: that of {missing[0]} is missing")
+            raise CommandError(f"actions: the action of {missing[0]} is missing")
         all_actions = np.zeros_like(self._no_actions)
         for agent, row in rows.items():
             all_actions[row] = np.asarray(actions[agent]).reshape(all_actions.shape[1:])

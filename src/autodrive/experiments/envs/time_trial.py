@@ -112,7 +112,9 @@ class TimeTrial(Task):
         else:
             random = tracks, track_seed, width, length, radius, area
             if random != (3, 0, WIDTH, LENGTH, None, AREA):
-                raise SpecError(["track: the settings of random tracks (tracks, track_seed, ...) do not apply to it"])
+                raise SpecError(
+                    ["track: the settings of random tracks (tracks, track_seed, ...) do not apply to a given track"]
+                )
             self.tracks = OwnTracks([own] if isinstance(own, str | Path | Track) else [*own])
         self._laps = int(laps)
         self.scenario = ScenarioSpec(

@@ -74,7 +74,7 @@ def identify(
         objective = Objective(drive, windows, file, parameters, simulator)
         if silent := without_influence(objective, parameters):
             raise IdentificationError(
-                f"{', '.join(silent)}: no influence on this drive; leave out what the drive does not excite  "
+                f"{', '.join(silent)}: no influence on this drive; leave out parameters without influence  "
                 f"({drive.source})"
             )
         coarse, _ = search(objective, parameters, trials, seed, population=population)
@@ -158,11 +158,12 @@ def _notes(parameters: Sequence[Free], best: Floats, covariance: Floats, windows
             if (product := deviations[i] * deviations[j]) > 0.0 and abs(covariance[i, j] / product) > SAME:
                 notes.append(
                     f"{parameters[j].path} and {parameter.path} have nearly the same effect on this drive (correlation "
-                    f"{covariance[i, j] / product:.3f}); fix one of them"
+                    f"{covariance[i, j] / product:.3f}); fit only one of these two parameters"
                 )
         if deviations[i] > 0.1:
             notes.append(
-                f"the drive hardly shows {parameter.path}: its deviation is {100 * deviations[i]:.0f} % of its range"
+                f"the drive hardly depends on {parameter.path}: its deviation is {100 * deviations[i]:.0f} % of its "
+                "range"
             )
     if len(drive.breaks):
         notes.append(f"{len(drive.breaks)} collisions, resets or jumps; {len(windows.starts)} windows are used")

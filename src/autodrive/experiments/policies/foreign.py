@@ -90,11 +90,11 @@ class ForeignPolicy:
         if not file.is_file():
             raise self._error("there is no such file")
         if file.stat().st_size > MOST_BYTES:
-            raise self._error(f"it has more than {MOST_BYTES} bytes")
+            raise self._error(f"the file has more than {MOST_BYTES} bytes")
         try:
             return NetworkProcess(file.read_bytes())
         except NetworkError as error:
-            raise self._error(f"it is not a network in the format ONNX, or exceeds a limit: {error}") from None
+            raise self._error(f"the file is not a network in the format ONNX, or exceeds a limit: {error}") from None
 
     def _found_inputs(self) -> dict[str, Any]:
         """What goes into each input, as a function of the observations."""
@@ -125,7 +125,9 @@ class ForeignPolicy:
         if widths == [self.shape.width]:
             return {parts[0][0]: lambda observations: observations}
         if sorted(widths) != sorted(self.shape.observation):
-            raise self._error(f"its observations have {' + '.join(map(str, widths)) or 'no'} numbers, {self._wanted}")
+            raise self._error(
+                f"the observations of the network have {' + '.join(map(str, widths)) or 'no'} numbers, {self._wanted}"
+            )
         starts = {width: sum(self.shape.observation[:k]) for k, width in enumerate(self.shape.observation)}
         return {name: _slice(starts[width], width) for name, width in parts}
 
@@ -136,7 +138,9 @@ class ForeignPolicy:
                 return outputs[name]
         if len(outputs) == 1:
             return next(iter(outputs.values()))
-        raise self._error(f"its outputs are {', '.join(outputs)}; none of them is one of {', '.join(OUTPUTS)}")
+        raise self._error(
+            f"the outputs of the network are {', '.join(outputs)}; one output must be one of {', '.join(OUTPUTS)}"
+        )
 
     def _chosen(self, values: NDArray[Any]) -> Integers:
         """Numbers of the choices, from those of the branches, or from scores of choices or branches."""
@@ -145,9 +149,11 @@ class ForeignPolicy:
         if limits is not None:
             columns = np.rint(values).astype(np.int64) if np.isfinite(values).all() else np.full(values.shape, -1)
             if ((columns < 0) | (columns >= limits)).any():
-                raise self._error(f"it chose {values[0].tolist()}; the choices are 0 to {[n - 1 for n in limits]}")
+                raise self._error(
+                    f"the network chose {values[0].tolist()}; the choices are 0 to {[n - 1 for n in limits]}"
+                )
         elif np.isnan(values).any():
-            raise self._error("its scores are not numbers")
+            raise self._error("the scores of the network are not numbers")
         elif width == self.shape.choices:
             return values.argmax(axis=1)
         elif width == sum(branches):

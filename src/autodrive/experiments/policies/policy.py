@@ -322,10 +322,12 @@ def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
     for text in inputs:
         name, at, ago = text.partition("@")
         if at and not (ago.isdecimal() and 1 <= int(ago) <= LONGEST):
-            raise AutodriveError(f"input '{text[:80]}' of the policy: after '@' come the steps ago, 1 to {LONGEST}")
+            raise AutodriveError(
+                f"input '{text[:80]}' of the policy: after '@', write how many steps ago, 1 to {LONGEST}"
+            )
         if name in OWN and not at:
             raise AutodriveError(
-                f"input '{name}' of the policy is its own output: it can be read one step later, '{name}@1'"
+                f"input '{name}' of the policy is an output of the policy: write '{name}@1' for the output one step ago"
             )
         moments_of_inputs.append((name, int(ago) if at else 0))
     return moments_of_inputs
@@ -343,7 +345,7 @@ def _check(name: str, inputs: Sequence[str], scale: Sequence[float], layers: Seq
         if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != width:
             raise AutodriveError(
                 f"layer {number} of the {name} has a weight of shape {weight.shape} and a bias of shape "
-                f"{bias.shape}; {width} numbers go in"
+                f"{bias.shape}; the layer has {width} inputs"
             )
         if not ((abs(weight) <= GREATEST).all() and (abs(bias) <= GREATEST).all()):
             raise AutodriveError(

@@ -202,7 +202,7 @@ class RenderProcess:
         recent = sum(self._death_times[-1] - death_time < RESTART_PERIOD for death_time in self._death_times)
         if recent > RESTARTS:
             raise self._unavailable(f"their process ended unexpectedly {recent} times in an hour, now with {status}")
-        text = "the process of the %s ended unexpectedly (%s); it is started again (%d of %d)"
+        text = "the process of the %s ended unexpectedly (%s); a new process is started (%d of %d)"
         log.warning(text, self._subject, status, recent, RESTARTS)
         return None
 
@@ -259,9 +259,9 @@ class _RenderWorker:
             code = self.process.wait(SHUTDOWN_TIME)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            return "it stopped answering and was killed"
+            return "the process stopped answering and was killed"
         if self._is_late:
-            return "it stopped answering and was killed"
+            return "the process stopped answering and was killed"
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
     def close(self) -> None:

@@ -54,7 +54,7 @@ def check_view(view: SetCamera, vehicles: Sequence[str]) -> None:
     if view.vehicle is not None and view.vehicle not in vehicles:
         raise AutodriveError(f"vehicle '{view.vehicle}' is not known. {suggest(view.vehicle, list(vehicles))}")
     if view.vehicle is None and not vehicles and view.camera != "Fly":
-        raise AutodriveError("a scene camera follows a vehicle, and this scenario has none")
+        raise AutodriveError("a scene camera follows a vehicle, and this scenario has no vehicle")
     for name in ("height", "azimuth", "elevation", "distance", "position", "force_scale"):
         value = getattr(view, name)
         if not all(map(math.isfinite, value if name == "position" else (value,))):

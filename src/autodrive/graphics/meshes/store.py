@@ -152,7 +152,7 @@ def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
     except OSError:
         pass
     except ValueError as error:
-        log.warning("%s; it is built again", error)
+        log.warning("%s; the asset is built again", error)
     asset = build()
     data = pack(asset, write_glb(asset))
     with contextlib.suppress(OSError):

@@ -59,7 +59,7 @@ def srgb(linear: float) -> float:
 
 def _body(spec: VehicleSpec) -> Iterator[Element]:
     base = _link("base_link", chassis(spec))
-    for box in (*spec.platforms, spec.lidar_collider):
+    for box in spec.colliders.values():
         _add_collision_box(base, box)
     yield base
 

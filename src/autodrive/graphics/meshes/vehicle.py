@@ -58,6 +58,8 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
 
 
 def _add_body(builder: MeshBuilder, spec: VehicleSpec) -> None:
+    for bumper in spec.bumpers:
+        builder.add("matt_black", box(bumper.size, bumper.position))
     if spec.look == "racer":
         add_racer(builder, spec)
         return
@@ -78,7 +80,7 @@ def _add_body(builder: MeshBuilder, spec: VehicleSpec) -> None:
 
 def _shadow(spec: VehicleSpec) -> tuple[MeshSurface, ...]:
     """A few closed shapes with nearly the same shadow."""
-    parts = [box(platform.size, platform.position) for platform in spec.platforms]
+    parts = [box(platform.size, platform.position) for platform in (*spec.platforms, *spec.bumpers)]
     if spec.sensors.lidar is not None:
         x, y, z = spec.sensors.lidar.mount.position
         parts.append(cylinder(0.034, 0.065, (x, y, z - 0.017), n=14))

@@ -31,7 +31,7 @@ class DifferentialSpec(Spec):
     @model_validator(mode="after")
     def _slips(self) -> DifferentialSpec:
         if (self.kind == "limited_slip") != (self.preload + self.bias > 0.0):
-            raise ValueError("preload and bias belong to kind: limited_slip, which needs one of them above 0")
+            raise ValueError("preload and bias are only for kind: limited_slip, which needs preload or bias above 0")
         return self
 
     @property

@@ -264,7 +264,7 @@ class OwnSensors:
         for vehicle, name in sorted({key for key in kept.keys() | here.keys() if kept.get(key) != here.get(key)}):
             raise SnapshotError(
                 f"sensor '{name}' of vehicle '{vehicle}' is not the same in the snapshot and in this world: "
-                "add the same sensors to both with add_sensor()"
+                "add the same sensors to both worlds with add_sensor()"
             )
 
     def restore(self, saved: Any) -> None:
@@ -298,8 +298,8 @@ class OwnSensors:
         if least > SLOW * tick:
             self._reported.add((placed.vehicle, placed.name))
             log.warning(
-                "%s takes %.3g ms per sample; a tick of %g ms may come late in real time: sample faster or at a lower "
-                "rate",
+                "%s takes %.3g ms per sample; a tick of %g ms may come late in real time: make the sensor faster or "
+                "lower its rate",
                 placed.title,
                 1e3 * least,
                 1e3 * tick,
@@ -315,7 +315,9 @@ def _checked(placed: _Placed, sample: Any) -> Floats:
     except ValueError:  # lists of different lengths
         raise SensorError(f"{placed.title} returned no array: {expected}") from None
     if values.dtype.kind not in "biuf":
-        raise SensorError(f"{placed.title} returned {reprlib.repr(sample)}, which is no array of numbers: {expected}")
+        raise SensorError(
+            f"{placed.title} returned {reprlib.repr(sample)}, which is not an array of numbers: {expected}"
+        )
     if values.shape != (count,):
         raise SensorError(f"{placed.title} returned an array of shape {values.shape}: {expected}")
     return read_only_copy(values.astype(np.float64))
@@ -327,8 +329,8 @@ def _attributes(placed: _Placed) -> dict[str, Any]:
         return copy.deepcopy(getattr(placed.sensor, "__dict__", {}))
     except Exception as error:
         raise SensorError(
-            f"{placed.title} cannot be reset and saved, because its attributes cannot be copied ({error}): keep what "
-            "never changes in the class or module, not in the object"
+            f"{placed.title} cannot be reset and saved, because its attributes cannot be copied ({error}): keep values "
+            "that never change in the class or module, not in the object"
         ) from None
 
 

@@ -64,7 +64,8 @@ def export(
     target = default_path(recording.path, name) if path is None else Path(path)
     if target.exists() and not (replaces and form.suffix and target.is_file()):
         raise RecordingError(
-            f"the export would replace something that exists: remove it, or choose another path  ({target})"
+            "the export would replace a file or folder that exists: remove that file or folder, or choose another "
+            f"path  ({target})"
         )
     make_folder(target.parent)
     try:

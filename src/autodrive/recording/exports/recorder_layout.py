@@ -137,7 +137,8 @@ class DriveLog:
         if not self.breaks:
             return ""
         lines = ", ".join(str(row + 1) for row in self.breaks[:5]) + (", ..." if self.breaks[5:] else "")
-        return f"the log has gaps or jumps of its clock before lines {lines}: each part starts as it was recorded"
+        text = f"the log has gaps or jumps of its clock before lines {lines}"
+        return f"{text}: each part of the drive starts with the recorded state"
 
     @property
     def vehicle_type(self) -> str:
@@ -221,7 +222,7 @@ def _check_steering(log: DriveLog, other_side: str, path: Path) -> None:
     is_opposite = (log.steering * turn * forward < 0.0)[is_clear]
     if len(is_opposite) >= LEAST_ROWS and is_opposite.mean() > MOST_OPPOSITE:
         raise RecordingError(
-            f"the car turns to the other side than its steering: a positive angle in this log points to the "
+            f"the car turns to the opposite side of its steering: a positive angle in this log points to the "
             f"{other_side}, use --steering {other_side}  ({path})"
         )
 

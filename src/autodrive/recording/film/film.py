@@ -134,7 +134,9 @@ class _Shooting:
         if self._slot is None:
             check_view(self._view, list(compiled.vehicles))
         elif self.size != self._standard_size():
-            raise AutodriveError("a film of a sensor camera has the size of its images: leave out the size")
+            raise AutodriveError(
+                "a film of a sensor camera has the size of the images of the camera: leave out the size"
+            )
         self._renderer = Renderer(self._rig.scene, options.quality)
 
     def release(self) -> None:

@@ -247,7 +247,7 @@ class Reader:
         cursor = _Cursor(self._data, offset, len(self._data))
         opcode, length = RECORD_HEAD.unpack(cursor.take(RECORD_HEAD.size))
         if opcode != kind:
-            raise _CutOffError(": it does not begin with a record of that kind")
+            raise _CutOffError(": a record of another kind was expected")
         return _Cursor(self._data, cursor.at, cursor.at + length)
 
     # -- contents --------------------------------------------------------------------------------------------------
@@ -318,15 +318,15 @@ class Reader:
 
     def _content(self, index: ChunkIndex) -> bytes:
         if self._data.closed:
-            raise RecordingError(f"the recording is closed; read its images before  ({self.path})")
+            raise RecordingError(f"the recording is closed; read images before you close the recording  ({self.path})")
         cursor = self._record(index.offset, Opcode.CHUNK)
         if cursor.end - index.offset != index.length:
-            raise _CutOffError(": its length is not that in the index")
+            raise _CutOffError(": the length of the chunk differs from the length in the index")
         cursor.take(16)
         size, checksum = cursor.number("<Q"), cursor.number("<I")
         compression, length = cursor.text(), cursor.number("<Q")
         if max(size, length) > MAX_CHUNK:
-            raise _CutOffError(f": it has {max(size, length)} bytes; at most {MAX_CHUNK} are read")
+            raise _CutOffError(f": the chunk has {max(size, length)} bytes; at most {MAX_CHUNK} are read")
         self.work += size
         content = _decompressed(compression, cursor.take(length), size)
         if len(content) != size or (checksum and zlib.crc32(content) != checksum):
@@ -339,7 +339,7 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     if compression == "zstd":
         try:
             if zstd.get_frame_info(data).decompressed_size not in {None, size}:  # None: the data do not say
-                raise _CutOffError(f": it does not unpack to {size} bytes")
+                raise _CutOffError(f": the content does not unpack to {size} bytes")
             return zstd.ZstdDecompressor().decompress(data, size) if size else b""
         except (zstd.ZstdError, MemoryError) as error:
             raise _CutOffError(f": {error}") from None
@@ -428,7 +428,7 @@ def _places(content: bytes) -> NDArray[np.int64]:
         if kind == Opcode.MESSAGE:
             starts.append(at)
         at = end
-    raise _CutOffError(f": it has more than {MAX_MESSAGES} records")
+    raise _CutOffError(f": the chunk has more than {MAX_MESSAGES} records")
 
 
 class _CutOffError(Exception):

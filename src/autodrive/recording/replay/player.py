@@ -108,8 +108,8 @@ class Player(Paced):
     def refusal(self) -> str:
         """Why commands and requests that change the world have no effect."""
         return (
-            f"this is a replay of '{self._tape.name}': the recorded commands drive, and nothing can be changed. "
-            "To drive, start a simulation: autodrive run"
+            f"this is a replay of '{self._tape.name}': the recorded commands drive the vehicles, and nothing can be "
+            "changed. To drive, start a simulation: autodrive run"
         )
 
     # -- commands and requests ----------------------------------------------------------------------------------------

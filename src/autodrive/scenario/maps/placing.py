@@ -151,8 +151,8 @@ class PlacingProblem:
         if self.kind == "turned":
             return f"do not face each other: turn the second module by {self.turn / DEGREE:.4g} degrees"
         if first.lanes != second.lanes:
-            return f"have not as many lanes: {first.lanes} and {second.lanes} in each direction"
-        return f"are not equally wide: {first.width:.4g} m and {second.width:.4g} m"
+            return f"have different numbers of lanes: {first.lanes} and {second.lanes} in each direction"
+        return f"have different widths: {first.width:.4g} m and {second.width:.4g} m"
 
 
 def place(described: DescribedMap) -> tuple[list[PlacedModule], list[PlacingProblem]]:
@@ -284,7 +284,7 @@ def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
     for port in placement.open if isinstance(placement.open, tuple) else ():
         if port not in module.spec.ports:
             known = ", ".join(module.spec.ports) or "none"
-            errors.append(f"open: {module.name} has no port '{port}'. It has: {known}")
+            errors.append(f"open: {module.name} has no port '{port}'. Ports of {module.name}: {known}")
     return errors
 
 

@@ -149,7 +149,7 @@ def track_area(ros_map: RosMap, known: BaseGeometry | None, gap: float) -> tuple
     if is_line:
         return area.polygon, []
     if not area.surrounded:
-        raise SpecError(["the free area has no inner wall, so that the track is not a ring; give a centre line"])
+        raise SpecError(["the free area has no inner wall: the track is not a ring; give a centre line"])
     _check(area, rings, gap, has_point=point is not None)
     return area.polygon, _warnings(area, [] if point else rings, gap)
 
@@ -203,14 +203,14 @@ def _is_detail(area: Area, rings: list[Area]) -> bool:
 def _check(area: Area, rings: list[Area], gap: float, *, has_point: bool) -> None:
     """Raises `SpecError` if the best area is not a track."""
     if area.closed > max(gap, *CLOSED):
-        text = "the walls have an opening through which the track and its surroundings are one area; --close"
+        text = "the walls have an opening that joins the track with its surroundings; --close"
         raise SpecError([f"{text} {area.closed:g} closes openings that are narrower than {area.closed:g} m"])
     others = [ring for ring in rings if not ring.is_surroundings and not _is_detail(ring, rings)]
     if has_point and (_is_outside(area, rings) or (area.is_surroundings and others)):
         raise SpecError(["the start point is outside of the walls"])
     if area.is_surroundings and (area.variation > VARIATION + area.penalty or _has_other_walls(area)):
         text = "the only free area that is a ring lies along the border of the image: the walls are open, or missing"
-        raise SpecError([f"{text}. Close them in the image, or with --close, or give a centre line"])
+        raise SpecError([f"{text}. Close the walls in the image or with --close, or give a centre line"])
 
 
 def _has_other_walls(area: Area) -> bool:
@@ -224,12 +224,10 @@ def _warnings(area: Area, rings: list[Area], gap: float) -> list[str]:
     """What was decided, and by which rule; `rings`: those among which the area was chosen."""
     warnings = [area.level.reason] if area.level.reason else []
     if area.closed > gap:
-        text = (
-            f"the walls have openings narrower than {area.closed:g} m through which the track is one area with another"
-        )
-        warnings.append(f"{text} one: they are closed")
+        text = f"the walls have openings narrower than {area.closed:g} m that join the track with another area"
+        warnings.append(f"{text}: these openings are closed")
     if area.is_surroundings:
-        warnings.append("the map has no outer wall: it is the border of the image")
+        warnings.append("the map has no outer wall: the border of the image is the outer wall")
     others = [ring for ring in rings if not any(_doubt(ring, rings)[:2]) and ring.variation < VARIATION]
     apart: list[Area] = []
     for ring in others:
@@ -237,5 +235,5 @@ def _warnings(area: Area, rings: list[Area], gap: float) -> list[str]:
             apart.append(ring)
     if apart:
         places = ", ".join(ring.place for ring in apart[:MAX_NAMED])
-        warnings.append(f"the map has other rings, at {places}: --start takes one of them")
+        warnings.append(f"the map has other rings, at {places}: choose another ring with --start")
     return warnings

@@ -17,7 +17,7 @@ WIDTH_ERROR = 0.15
 """A greater difference between the widths of the file and the distance to the walls is reported [m]."""
 VARIATION = 4.0
 """A greater ratio of the greatest and the least width is reported."""
-NO_WALLS = "there are no walls; `autodrive import track LINE.csv` makes them along the rows of a centre line"
+NO_WALLS = "there are no walls; `autodrive import track LINE.csv` makes walls along the rows of a centre line"
 TOO_WIDE = "the width is greater than the bend or the distance to another part of the track allows"
 PSI_ERROR = math.radians(10.0)
 """A greater mean difference between psi and the direction of the points is reported [rad]."""
@@ -59,14 +59,16 @@ def track_warnings(track: Track) -> list[str]:
     if gaps.max() > 5.0 * np.median(gaps) + 0.5:
         i = int(np.argmax(gaps))
         where = "the last and the first point" if i == len(points) - 1 else f"points {i} and {i + 1}"
-        warnings.append(f"centre line: {where} are {gaps[i]:.2f} m apart, the others {np.median(gaps):.2f} m")
+        warnings.append(
+            f"centre line: {where} are {gaps[i]:.2f} m apart, other neighbouring points {np.median(gaps):.2f} m"
+        )
     total = widths.sum(axis=1)
     if total.min() < WIDTH_MIN:
         i = int(np.argmin(total))
         warnings.append(f"the track is only {total[i]:.2f} m wide at ({points[i, 0]:.2f}, {points[i, 1]:.2f})")
     if total.max() > VARIATION * total.min():
         text = f"the width varies from {total.min():.2f} to {total.max():.2f} m"
-        warnings.append(f"{text}: the walls may not be those of the track, or have openings")
+        warnings.append(f"{text}: the walls may be other walls than those of the track, or may have openings")
     if track.walls:
         faces = shapely.multilinestrings([shapely.LinearRing(wall) for wall in track.walls])
         away = shapely.distance(faces, shapely.points(points))
@@ -124,10 +126,10 @@ def psi_problem(rows: Floats) -> str:
     best = min(errors, key=lambda name: errors[name])
     if errors[""] <= PSI_ERROR:
         return ""
-    fitting = f"; they fit angles {best}" if errors[best] <= PSI_ERROR else ""
+    fitting = f"; the values of psi fit angles {best}" if errors[best] <= PSI_ERROR else ""
     return (
         f"psi differs from the direction of the points by {math.degrees(errors['']):.0f} degrees on average{fitting}. "
-        "It must be the heading from +x, counter-clockwise, in radians"
+        "psi must be the heading from +x, counter-clockwise, in radians"
     )
 
 

@@ -73,7 +73,7 @@ def _png(data: bytes) -> Floats:
             parts.append(body)
     width, height, depth, colour_type, _, _, interlace = struct.unpack(">IIBBBBB", header)
     if interlace:
-        raise ValueError("a PNG with interlacing is not supported; save it without")
+        raise ValueError("a PNG with interlacing is not supported; save the image without interlacing")
     if colour_type not in _CHANNELS or depth not in (1, 2, 4, 8, 16) or (depth < 8 and _CHANNELS[colour_type] > 1):
         raise ValueError(f"colour type {colour_type} with {depth} bits is not in the PNG standard")
     _check_size(width, height)
@@ -161,7 +161,7 @@ def _pgm(data: bytes) -> Floats:
     width, height, greatest = fields
     _check_size(width, height)
     if not 0 < greatest < 65536:
-        raise ValueError(f"its greatest value is {greatest}")
+        raise ValueError(f"its greatest value is {greatest}, but must be from 1 to 65535")
     if data[:2] == b"P2":
         with warnings.catch_warnings(action="error", category=DeprecationWarning):  # what is no number
             values = np.fromstring(data[at:].decode("ascii"), np.float64, width * height, sep=" ")
@@ -176,4 +176,4 @@ def _pgm(data: bytes) -> Floats:
 def _check_size(width: int, height: int) -> None:
     if not 0 < width * height <= MAX_PIXELS or max(width, height) > MAX_EDGE:
         text = f"{width} x {height} pixels; at most {MAX_PIXELS} are possible, and {MAX_EDGE} along an edge"
-        raise ValueError(f"{text}: save it smaller")
+        raise ValueError(f"{text}: save a smaller image")

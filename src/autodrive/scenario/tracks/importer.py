@@ -105,7 +105,7 @@ def find_sources(path: Path) -> Sources:
     if path.suffix.lower() in {".png", ".pgm"}:
         return Sources(path.stem.removesuffix("_map"), picture=path)
     text = (
-        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, its picture "
+        f"'{path.name}' is not a track: expected a folder, a .yaml file of map_server, a picture "
         "(.png, .pgm) with the resolution, or a .csv file of a centre line"
     )
     raise SpecError([text])
@@ -117,7 +117,9 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
     sources = find_sources(path)
     warnings: list[str] = []
     if options.resolution is not None and sources.picture is None:
-        raise SpecError(["the resolution is for a picture without a YAML file; this track states its own"], str(path))
+        raise SpecError(
+            ["the resolution is for a picture without a YAML file; this track states its resolution"], str(path)
+        )
     ros_map = read_ros_map(sources.map) if sources.map else None
     if sources.picture:
         ros_map = read_picture(sources.picture, options.resolution)
@@ -164,7 +166,9 @@ def _track(
             text = "direction and start line are guesses"
             if race is not None:
                 rows, text = _along(rows, race), "direction and start line are those of the race line"
-            warnings.append(f"the file has no centre line: it is the middle between the walls; {text}")
+            warnings.append(
+                f"the file has no centre line: the middle between the walls becomes the centre line; {text}"
+            )
     except SpecError as error:
         raise SpecError(error.errors, path) from None
     rows = _turned(rows, options)
@@ -271,7 +275,7 @@ def _obstacles(walls: tuple[Floats, ...]) -> list[str]:
     x, y = wall.mean(axis=0)
     count = f"{len(sizes)} obstacle{'s' if len(sizes) > 1 else ''}"
     text = f"the map has {count} between the walls, the largest one {size:.2g} m long, at ({x:.2f}, {y:.2f})"
-    return [f"{text}: the centre line leads past; remove what is noise from the image"]
+    return [f"{text}: the centre line leads past the obstacles; remove noise from the image"]
 
 
 def _far_start(first: Floats, start: tuple[float, float]) -> list[str]:
@@ -281,7 +285,7 @@ def _far_start(first: Floats, start: tuple[float, float]) -> list[str]:
         return []
     x, y = first[:2]
     text = f"the start point ({start[0]:.2f}, {start[1]:.2f}) is not on the way around the track: the start line is"
-    return [f"{text} at ({x:.2f}, {y:.2f}), {distance:.2f} m from it"]
+    return [f"{text} at ({x:.2f}, {y:.2f}), {distance:.2f} m from the start point"]
 
 
 def _edges(rows: Floats, tolerance: float, warnings: list[str]) -> tuple[Floats, ...]:
@@ -311,12 +315,13 @@ def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     if len(kept) < 4:
         raise SpecError(["the points of the centre line are all at the same place"], str(path))
     if gaps[-1] < 2.0 * POINT_GAP:
-        warnings.append("the first point of the centre line was repeated at the end; it is left out there")
+        warnings.append("the first point of the centre line was repeated at the end; the repeated point is left out")
         kept = rows[:-1][gaps[:-1] >= 2.0 * POINT_GAP]
     gap, usual = float(np.hypot(*(kept[0] - kept[-1])[:2])), float(np.median(gaps))
     if gap > 20.0 * usual + 1.0:
         text = (
-            f"the centre line is not closed: its last point is {gap:.2f} m from the first one, the others {usual:.2f} m"
+            f"the centre line is not closed: its last point is {gap:.2f} m from its first point, other neighbouring "
+            f"points are {usual:.2f} m apart"
         )
         raise SpecError([text], str(path))
     if (kept[:, 2:] <= 0.0).any():
@@ -325,7 +330,7 @@ def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     spaced = _spaced(kept)
     if spaced is not kept:
         text = f"the centre line has {len(kept)} points, {100.0 * usual:.2g} cm apart"
-        warnings.append(f"{text}: it becomes {len(spaced)} means of them at equal distances")
+        warnings.append(f"{text}: they are replaced by {len(spaced)} means of neighbouring points at equal distances")
     return spaced
 
 
@@ -368,7 +373,7 @@ def _race_line(path: Path, warnings: list[str]) -> Floats:
     rows = read_race_line(path)
     gaps = steps(rows[:, 1:3])
     if gaps[-1] < 2.0 * POINT_GAP:
-        warnings.append("the first point of the race line was repeated at the end; it is left out there")
+        warnings.append("the first point of the race line was repeated at the end; the repeated point is left out")
         rows, gaps = rows[:-1], gaps[:-1]
     return rows[gaps >= 2.0 * POINT_GAP]
 
@@ -376,7 +381,7 @@ def _race_line(path: Path, warnings: list[str]) -> Floats:
 def _with_race_line(track: Track, rows: Floats, warnings: list[str]) -> Track:
     """The track with a race line that starts at its start line; a line in the other direction is left out."""
     if checks.runs_against(rows, track):
-        warnings.append("the race line runs against the direction of the centre line; it is left out")
+        warnings.append("the race line runs against the direction of the centre line; the race line is left out")
         return track
     if text := checks.psi_problem(rows):
         warnings.append(f"{text}; psi is computed from the points")

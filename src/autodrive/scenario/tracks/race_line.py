@@ -53,7 +53,7 @@ def race_line(track: Track, limits: CarLimits) -> Floats:
         width = float(track.centre_line[narrow[0], 2:].sum())
         raise SpecError(
             [
-                f"track '{track.name}': it is {width:.3g} m wide at point {narrow[0]}; a race line with a margin of "
+                f"track '{track.name}' is {width:.3g} m wide at point {narrow[0]}; a race line with a margin of "
                 f"{limits.margin:g} m to both edges needs {2.0 * limits.margin:g} m"
             ]
         )

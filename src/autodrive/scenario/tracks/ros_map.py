@@ -91,7 +91,7 @@ def read_ros_map(path: Path) -> RosMap:
         beside = path.parent / PureWindowsPath(spec.image).name, path.with_suffix(".png"), path.with_suffix(".pgm")
         others = [other for other in beside if other.is_file()]
         if not others:
-            raise SpecError([f"{warning}, and no image of that name is beside the map"], str(path))
+            raise SpecError([f"{warning}, and no image of that name is in the folder of the map"], str(path))
         image = others[0]
         warning += f"; '{image.name}' is read instead"
     return _ros_map(spec, read_grey(image), warning)
@@ -115,7 +115,7 @@ def read_picture(path: Path, resolution: float | None) -> RosMap:
     """
     sheet = path.with_suffix(".yaml")
     if resolution is None and sheet.is_file():
-        raise SpecError([f"the picture does not state its scale: import '{sheet.name}', which is beside it"], str(path))
+        raise SpecError([f"the picture does not state its scale: import '{sheet.name}' in the same folder"], str(path))
     if resolution is None:
         raise SpecError([LACKING_SHEET.format(image=path.name, sheet=sheet.name)], str(path))
     spec = RosMapSpec(image=path.name, resolution=resolution, origin=(0.0, 0.0))

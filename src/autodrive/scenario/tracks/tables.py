@@ -175,7 +175,7 @@ def _columns(names: list[str], path: Path) -> dict[str, int]:
     columns: dict[str, int] = {}
     for number, name in enumerate(names):
         if (meaning := _meaning(name)) and meaning in columns:
-            raise SpecError([f"two columns hold the same: {names[columns[meaning]]} and {name}"], str(path))
+            raise SpecError([f"two columns have the same meaning: {names[columns[meaning]]} and {name}"], str(path))
         columns |= {meaning: number} if meaning else {}
     return columns
 

@@ -50,7 +50,7 @@ class BarrierSpec(Spec):
     @model_validator(mode="after")
     def _fits(self) -> BarrierSpec:
         if self.kind == "wall" and (self.length is not None or self.gap):
-            raise ValueError("length and gap are for ducts; a wall has neither")
+            raise ValueError("length and gap are for ducts; a wall has no length or gap")
         if self.gap and self.length is None:
             raise ValueError("a gap needs the length of a duct")
         return self
@@ -255,11 +255,15 @@ def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...]]
 def _wrong_points(spec: TrackSpec) -> list[specs.Rule]:
     """Which keys do not belong together, and which points cannot be used."""
     if not spec.points:
-        errors: list[specs.Rule] = [(("centre_line",), "is required, or points with a width")]
+        errors: list[specs.Rule] = [(("centre_line",), "is required; or give points and a width")]
         errors = [] if spec.centre_line else errors
-        return [*errors, (("width",), "is for points; a centre line has its widths")] if spec.width else errors
+        return (
+            [*errors, (("width",), "is for a track with points; a centre line contains widths")]
+            if spec.width
+            else errors
+        )
     names = [name for name in ("centre_line", "walls") if getattr(spec, name)]
-    errors = [((name,), "follows from the points: leave it out") for name in names]
+    errors = [((name,), f"is computed from the points: leave out {name}") for name in names]
     errors += [] if spec.width else [(("width",), "is required with points")]
     points = np.array(spec.points)
     if np.abs(points).max() > by_points.REACH:

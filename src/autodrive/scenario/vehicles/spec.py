@@ -45,12 +45,14 @@ class RigidBodySpec(Spec):
     angular_velocity_max: float = Field(ge=0.01, le=1e4)
     """Limit of the angular velocity [rad/s] (Unity's default: 7)."""
     friction: float = Field(ge=0, le=100)
-    """Coulomb friction coefficient of the colliders."""
+    """Coulomb friction coefficient of the colliders; a contact has the mean of the coefficients of both sides."""
 
     @model_validator(mode="after")
     def _is_rigid(self) -> RigidBodySpec:
         if 2.0 * max(self.inertia) > sum(self.inertia):
-            raise ValueError(f"no body has the inertia {self.inertia}: none may be greater than the sum of the others")
+            raise ValueError(
+                f"inertia {self.inertia} is impossible: each value must be at most the sum of the other two"
+            )
         return self
 
 
@@ -202,6 +204,9 @@ class WheelSpec(Spec):
     """[m]."""
     width: Length
     """[m]."""
+    side_friction: float | None = Field(default=None, ge=0, le=100)
+    """Coulomb friction coefficient of tyre and rim where they touch other things than the ground below them, such as a
+    wall beside them; left out: that of the body."""
     damping_rate: float = Field(ge=0, le=1e4)
     """Resisting torque per spin [N m s/rad] (kg m^2/s in Unity)."""
     force_height: Offset
@@ -310,6 +315,8 @@ class VehicleSpec(Spec):
     body: RigidBodySpec
     platforms: Annotated[list[ColliderSpec], Field(min_length=1, max_length=100)]
     """Colliders of the platforms, lowest first."""
+    bumpers: Annotated[list[ColliderSpec], Field(default_factory=list, max_length=20)]
+    """Colliders of the bumpers, which may be the widest part of the vehicle."""
     lidar_collider: ColliderSpec
     wheels: WheelSpec
     axles: AxlesSpec = AxlesSpec()
@@ -325,6 +332,7 @@ class VehicleSpec(Spec):
     def _stands(self) -> VehicleSpec:
         boxes: dict[tuple[str | int, ...], ColliderSpec] = {("lidar_collider",): self.lidar_collider}
         boxes |= {("platforms", i): box for i, box in enumerate(self.platforms)}
+        boxes |= {("bumpers", i): box for i, box in enumerate(self.bumpers)}
         errors: list[Rule] = [
             (place, f"reaches below the ground at z = {-self.ride_height:g} m")
             for place, box in boxes.items()
@@ -351,10 +359,16 @@ class VehicleSpec(Spec):
         return self.wheels.radius
 
     @property
+    def colliders(self) -> dict[str, ColliderSpec]:
+        """All colliders but those of the wheels, by name."""
+        boxes = {f"platform_{i}": box for i, box in enumerate(self.platforms, start=1)}
+        return boxes | {f"bumper_{i}": box for i, box in enumerate(self.bumpers, 1)} | {"lidar": self.lidar_collider}
+
+    @property
     def front(self) -> float:
         """How far its collision shape reaches ahead of the rear axle [m]."""
-        boxes = (self.lidar_collider, *self.platforms)
-        return max(self.wheelbase + self.wheels.radius, *(box.position[0] + box.size[0] / 2 for box in boxes))
+        ends = (box.position[0] + box.size[0] / 2 for box in self.colliders.values())
+        return max(self.wheelbase + self.wheels.radius, *ends)
 
     def with_mass_factor(self, factor: float) -> VehicleSpec:
         """A vehicle with `factor` times the mass and the inertia of this one."""

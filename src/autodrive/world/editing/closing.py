@@ -69,7 +69,7 @@ def _ends(world: World, part: str = "", port: str = "") -> Iterator[End]:
     modules = world.map.modules
     names = [placed.name for placed in modules]
     if part and part not in names:
-        raise CommandError(f"'{part}' is no module of the map. {suggest(part, names)}")
+        raise CommandError(f"'{part}' is not a module of the map. {suggest(part, names)}")
     has_end = False
     for i, placed in enumerate(modules):
         for end in placed.ports if part in ("", placed.name) else ():
@@ -112,6 +112,6 @@ def _why_not(pairs: list[tuple[End, End]], misses: list[tuple[End, End, tuple[fl
         text += " or to another open end"
     near = min(misses, key=lambda miss: math.hypot(*miss[2]), default=None)
     if near is None or not PORT_TOLERANCE < math.hypot(*near[2]) < 0.5 * near[0][1].width:
-        return f"{text}. Move one of them, or what lies between them"
+        return f"{text}. Move '{part}' or '{other}', or the parts between '{part}' and '{other}'"
     (_, _), (name, _), (dx, dy) = near
-    return f"{text}. Move '{name}', and what is connected with it, by ({dx:.4g}, {dy:.4g}) m"
+    return f"{text}. Move '{name}' and the modules that are connected with '{name}' by ({dx:.4g}, {dy:.4g}) m"

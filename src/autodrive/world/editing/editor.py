@@ -160,7 +160,7 @@ def _check_is_free(made: World, before: World) -> None:
     for pair in overlapping(made.compiled):
         if fixed := new & {*pair}:
             name = next(iter({*pair} - fixed), pair[0])
-            raise CommandError(f"'{name}' is where '{fixed.pop()}' would be: move one of them")
+            raise CommandError(f"'{name}' and '{(other := fixed.pop())}' would overlap: move '{name}' or '{other}'")
 
 
 def _bodies(world: CompiledScenario | World) -> object:

@@ -64,7 +64,8 @@ def _pose(edit: Place | AddBox) -> dict[str, float]:
     """Values of a scenario file, to 1 um and 1e-6 degrees."""
     if not all(math.isfinite(value) for value in (edit.x, edit.y, edit.yaw)):
         raise CommandError(
-            f"'{edit.name}' cannot be placed at x={edit.x}, y={edit.y}, yaw={edit.yaw}: not finite numbers"
+            f"'{edit.name}' cannot be placed at x={edit.x}, y={edit.y}, yaw={edit.yaw}: x, y and yaw must be finite "
+            "numbers"
         )
     yaw_deg = math.degrees(math.remainder(edit.yaw, 2.0 * math.pi))
     return {"x": round(edit.x, 6), "y": round(edit.y, 6), "yaw_deg": round(yaw_deg, 6)}

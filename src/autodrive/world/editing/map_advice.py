@@ -27,8 +27,8 @@ def _unreachable(world: World) -> Iterator[MapProblem]:
         part, _, way = lane.name.rpartition(":")
         entry, exit_ = way.split(">")
         for end, is_led, point, wrong in (
-            (entry, i in reached, lane.points[0], "no lane leads to it: no car reaches it"),
-            (exit_, bool(lane.successors), lane.points[-1], "no lane follows it: no car leaves it"),
+            (entry, i in reached, lane.points[0], "no other lane leads to this lane, so no car reaches it"),
+            (exit_, bool(lane.successors), lane.points[-1], "no other lane follows this lane, so no car leaves it"),
         ):
             if not is_led and (modules[part], lane_end(end)[0]) in world.map.joins:
                 text = f"'{part}': lane from '{entry}' to '{exit_}': {wrong}. Turn or mirror the module."

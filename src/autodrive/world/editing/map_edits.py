@@ -72,7 +72,9 @@ def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     now = parts_of(spec)
     for name, part in edit.seen.items():
         if now.get(name) != part:
-            raise CommandError(f"'{name}' was changed by another client meanwhile: edit it again as it is now")
+            raise CommandError(
+                f"'{name}' was changed by another client in the meantime: check '{name}', then repeat the edit"
+            )
     _check_modules((part.module for part in edit.parts.values() if isinstance(part, MapModule)), modules)
     spec = _changed(spec, edit.parts)
     return _with_map(specs, spec, read_map(spec, known=modules)[0])

@@ -37,7 +37,9 @@ def edited_track(specs: Specs, edit: EditTrack | GenerateTrack) -> TrackSpec:
         return _generated(edit)
     now = line_of(specs.map)
     if edit.seen is not None and edit.seen != now:
-        raise CommandError("the track was changed by another client meanwhile: edit it again as it is now")
+        raise CommandError(
+            "the track was changed by another client in the meantime: check the track, then repeat the edit"
+        )
     track = edit.track
     if not all(map(math.isfinite, (track.width, *(value for point in track.points for value in point)))):
         raise CommandError("the points and the width of a track must be finite numbers")

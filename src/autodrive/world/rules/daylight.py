@@ -39,7 +39,7 @@ class SceneLight(NamedTuple):
         now = 0.5 * DAY_LENGTH if now is None else now
         if not (is_number(now) and is_number(scale, MAX_TIME_SCALE)):
             raise CommandError(
-                f"a time of day and its scale must be finite numbers, the scale at most {MAX_TIME_SCALE:g}, "
+                f"a time of day and its scale must be finite numbers, and the scale at most {MAX_TIME_SCALE:g}, "
                 f"not {now} and {scale}"
             )
         return SceneLight(self.is_on, float(now) % DAY_LENGTH, float(scale), time)

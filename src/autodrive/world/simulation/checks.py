@@ -38,7 +38,7 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
             check_speed(factor)
         case Seek():
             raise CommandError(
-                "a simulation has no other times to show: a Seek needs a replay, 'autodrive replay FILE'"
+                "a simulation shows only the present time: a Seek needs a replay, 'autodrive replay FILE'"
             )
         case Step(ticks=ticks, commands=commands):
             if ticks < 1:

@@ -75,5 +75,5 @@ class Publisher:
             try:
                 sink.publish(frame)
             except Exception:
-                log.exception("%s raised and gets no more Frames", type(sink).__name__)
+                log.exception("%s raised an exception and gets no more Frames", type(sink).__name__)
                 self.remove_sink(sink)

@@ -118,7 +118,7 @@ AUTODRIVE_INLINE Target default_target() {
 
 /// 'alice at 2026-01-31 10:20:30', from the origin of a run.
 AUTODRIVE_INLINE std::string described(const Json& origin) {
-    if (origin.is_null()) return "nobody knows whom";
+    if (origin.is_null()) return "an unknown user";
     const auto started = static_cast<std::time_t>(origin.at("started").get<double>());
     char text[32] = "";
     std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", std::localtime(&started));
@@ -133,7 +133,7 @@ AUTODRIVE_INLINE void check_welcome(const Json& welcome, const Target& target) {
         problem = "not the last run in this folder";
     else if (target.run.empty() && !target.is_chosen && !origin.is_null() && !user_name().empty() &&
              origin.at("user") != user_name())
-        problem = "not of the user '" + user_name() + "', who has no run in this folder";
+        problem = "not a simulator of the user '" + user_name() + "', who has no run in this folder";
     if (!problem.empty())
         throw Refused("the simulator at " + address_text(target.host, target.port) + ", started by " + described(origin) +
                       ", is " + problem + ": give the address of the simulator that you want");

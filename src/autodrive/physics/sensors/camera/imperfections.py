@@ -47,7 +47,9 @@ class CameraImperfections(Spec):
     @model_validator(mode="after")
     def _has_a_middle(self) -> CameraImperfections:
         if self.exposures % 2 == 0:
-            raise ValueError(f"exposures must be odd, so that one is at the time of the image, not {self.exposures}")
+            raise ValueError(
+                f"exposures must be odd, so that one exposure is at the time of the image, not {self.exposures}"
+            )
         return self
 
     @property
