@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from autodrive.base.arrays import Floats
     from autodrive.graphics.render.gpu_mesh import GpuMesh
+    from autodrive.graphics.render.look import Daylight
     from autodrive.graphics.render.renderer import DrawCall
     from autodrive.graphics.render.scene import Kind, RenderScene
     from autodrive.physics.sensors.camera.view import View
@@ -75,6 +76,13 @@ class PreparedStates(NamedTuple):
     """Centres of vehicles and objects [m], shape (m, v + o, 3)."""
     near: NDArray[np.intp]
     """Vehicles, the nearest to the camera first, shape (m, v)."""
+    low: Floats
+    """Lowest corners of ranges, vehicles and objects [m], shape (m, r + v + o, 3)."""
+    high: Floats
+    """Their highest corners [m], shape (m, r + v + o, 3)."""
+    to_shadow: Floats
+    """Distances from ranges, vehicles and objects to the shadow of each vehicle, see `shadow_distances`, shape
+    (m, r + v + o, v)."""
     is_seen: NDArray[np.bool_]
     """Ranges, vehicles and objects, shape (m, r + v + o)."""
     is_dimmed: NDArray[np.bool_]
@@ -161,6 +169,8 @@ class BatchRenderer(Renderer):
         planes, static = sight_planes(clips), self._static.geometry
         is_seen = np.concatenate([in_sight(planes, *static.spheres), in_sight(planes, centers, self._radii)], axis=1)
         is_seen[:, len(static.ranges) + self._row] &= len(self._own_pieces) > 0
+        low, high = self._boxes(centers)
+        to_shadow, limit = shadow_distances(low, high, vehicle_centers, self._shadows.drift)
         return PreparedStates(
             worlds=worlds,
             views=views,
@@ -173,14 +183,18 @@ class BatchRenderer(Renderer):
             centers=centers,
             near=np.argsort(away, axis=1, kind="stable"),
             is_seen=is_seen,
-            is_dimmed=is_seen[..., None] & self._dims(roots, centers, planes),
+            low=low,
+            high=high,
+            to_shadow=to_shadow,
+            is_dimmed=is_seen[..., None] & self._dims(to_shadow < limit, roots, planes),
         )
 
-    def _dims(self, roots: Floats, centers: Floats, planes: Floats) -> NDArray[np.bool_]:
-        """Whether the shadow of each vehicle can fall on each range, vehicle and object, in sight if it is ground."""
+    def _dims(self, dims: NDArray[np.bool_], roots: Floats, planes: Floats) -> NDArray[np.bool_]:
+        """Whether the shadow of each vehicle can fall on each range, vehicle and object, in sight if it is ground.
+
+        `dims`: the same, in sight or not; is written.
+        """
         v, static, drift = roots.shape[1], self._static.geometry, self._shadows.drift
-        away, limit = shadow_distances(*self._boxes(centers), centers[:, :v], drift)
-        dims = away < limit
         corners = np.array([(x, y) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
         level = np.zeros((2, v, 4, 3))
         for i, (middle, half) in enumerate(self._draw_list.outlines):
@@ -196,11 +210,11 @@ class BatchRenderer(Renderer):
         return dims
 
     def _boxes(self, centers: Floats) -> tuple[Floats, Floats]:
-        """Lowest and highest corners of ranges, vehicles and objects, shape (..., r + v + o, 3) each."""
+        """Lowest and highest corners of ranges, vehicles and objects, shape (m, r + v + o, 3) each."""
         own, radii = self._static.geometry.boxes, self._radii[:, None]
-        shape = *centers.shape[:-2], len(own), 3
-        low = np.concatenate([np.broadcast_to(own[:, 0], shape), centers - radii], axis=-2)
-        return low, np.concatenate([np.broadcast_to(own[:, 1], shape), centers + radii], axis=-2)
+        shape = len(centers), len(own), 3
+        low = np.concatenate([np.broadcast_to(own[:, 0], shape), centers - radii], axis=1)
+        return low, np.concatenate([np.broadcast_to(own[:, 1], shape), centers + radii], axis=1)
 
     def _grouped(self) -> dict[tuple[Kind, str], NDArray[np.intp]]:
         """Numbers of the ranges of the static mesh that look alike, level ground last as in `Renderer`."""
@@ -240,14 +254,16 @@ class BatchRenderer(Renderer):
         for k in range(m):
             if k % RING == 0:  # for as many images as there are targets: llvmpipe waits for what a shader reads
                 for later in range(k, min(k + RING, m)):
+                    look = None
+                    if self._is_sky_coarse(self._view):
+                        look = self._begin_frame(part.worlds[later])
+                        self._frame.write(self._draw_list.frame.tobytes())
                     self._write_camera(part.clips[later], part.eyes[later, :3, 3])
-                    self._draw_behind(later % RING, self._view, part.clips[later])
+                    self._draw_behind(later % RING, self._view, part.clips[later], look, is_day=False)
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
-            state, view = part.worlds[k], part.views[k]
-            look = state.look
-            self._draw_list.frame[...] = 0
-            self._draw_list.set_sky(look, state.time)
+            state = part.worlds[k]
+            look = self._begin_frame(state)
             lit = self._illuminations(part, k)
             self._frame.write(self._draw_list.frame.tobytes())
             self._write_camera(part.clips[k], part.eyes[k, :3, 3])
@@ -256,14 +272,20 @@ class BatchRenderer(Renderer):
             self._use_behind(k % RING, self._view)
             calls = [*self._posed(part, k, lit), *self._ranges(part, k, lit)]
             self._draw_calls(calls, state.is_day, weather=look.air.effects)
-            self._draw_sky(part.clips[k], look)
-            self._draw_air(part.clips[k], look.air, state.time, view)
+            self._draw_sky_and_air(part.views[k], part.clips[k], look, state.time)
             targets[k % RING].finish()
         for k in range(max(m - RING, 0), m):
             targets[k % RING].read_rgb_into(self._pixels, k * self._image_size)
         pixels = np.empty((m, self._image_size), np.uint8)
         self._pixels.read_into(pixels, size=pixels.nbytes)
         return pixels
+
+    def _begin_frame(self, state: RenderState) -> Daylight:
+        """Set the uniform block to the sun and sky of a state, which are returned."""
+        look = state.look
+        self._draw_list.frame[...] = 0
+        self._draw_list.set_sky(look, state.time)
+        return look
 
     def _ranges(self, part: PreparedStates, k: int, lit: Lit) -> Iterator[DrawCall]:
         """What image k shows of the static mesh; fills the buffer of the triangles."""
@@ -302,10 +324,8 @@ class BatchRenderer(Renderer):
         draws.set_casters(casters, roots, part.centers[k, : len(roots)], bones, is_day=is_day)
         lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, is_day=is_day)
         numbers = np.flatnonzero(part.is_seen[k])
-        low, high = (corners[numbers] for corners in self._boxes(part.centers[k]))
-        dimmed = part.is_dimmed[k][numbers][:, casters]
-        away = shadow_distances(low, high, part.centers[k, casters], self._shadows.drift)[0]
-        shades = self._shades(dimmed, away, self._is_ground[numbers])
+        low, high, seen_casters = part.low[k, numbers], part.high[k, numbers], np.ix_(numbers, casters)
+        shades = self._shades(part.is_dimmed[k][seen_casters], part.to_shadow[k][seen_casters], self._is_ground[numbers])
         beams, small = self._lights(lamps, n_beam, low, high, lights_view(lamps, part.clips[k], part.eyes[k, :3, 3]))
         return {
             number: Illumination(shade, beams, slots, is_day)

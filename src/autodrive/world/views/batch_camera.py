@@ -33,9 +33,8 @@ class BatchCamera:
     depth, no label and no schedule.
 
     The same state gives the same bits, whichever worlds are drawn with it. The images equal those of an ideal camera in
-    `autodrive.make(..., cameras=quality)` at the same size that is drawn alone, but for rounding; with the quality
-    'software' the sky of an image that is at least 400 pixels wide is drawn more exactly. One thread may use it at a
-    time.
+    `autodrive.make(..., cameras=quality)` at the same size that is drawn alone, but for rounding. One thread may use it
+    at a time.
     """
 
     def __init__(
