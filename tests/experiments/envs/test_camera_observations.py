@@ -42,6 +42,20 @@ def test_a_vector_environment_shows_what_a_single_one_shows(gl: str, settings: d
     many.close()
 
 
+def test_a_vector_environment_shows_the_hour_of_the_scenario(gl: str) -> None:
+    """At 22:00 in Tiny Town, where the traffic has its headlights on."""
+    images = []
+    for kind in (DrivingVectorEnv, DrivingEnv):
+        task = LaneKeeping(5, map="tiny_town")
+        task.scenario = task.scenario.model_copy(update={"time_of_day": 79200.0})
+        env = kind(task=task, observation="camera", traffic=4)
+        action = [1.0, 0.1]
+        images.append(last_images(env, [action] if kind is DrivingVectorEnv else action, 5))
+        env.close()
+    assert_alike(*images)
+    assert images[0].mean() < 60.0  # by day it is about 130
+
+
 def test_cars_of_a_parallel_environment_see_the_traffic(gl: str) -> None:
     """All start in the same lane; the traffic of one seed stands elsewhere than that of another."""
     cars = DrivingParallelEnv(2, observation="camera", traffic=3)
