@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from autodrive.graphics.render.render_state import HEADER, OBJECT, VEHICLE
+import autodrive
+from autodrive.base.errors import CommandError
+from autodrive.graphics.render.render_state import HEADER, OBJECT, VEHICLE, RenderState
 from autodrive.physics.actuators.lights import LAMPS
 from autodrive.protocol.messages import Headlights
 from autodrive.scenario import ScenarioSpec
 from autodrive.world.batch import BatchWorld
-from tests.support.pictures import random_pictures
+from tests.support.pictures import SCENARIO, random_pictures
 
 HIGH_BEAMS = ["high_beam_left", "high_beam_right"]
 
@@ -34,6 +38,13 @@ def test_the_random_states_show_each_light() -> None:
     assert {*states.header["is_day"].tolist()} == {0.0, 1.0}
 
 
+def test_at_the_start_by_night_the_traffic_has_its_headlights_on() -> None:
+    scenario = SCENARIO.model_copy(update={"scene_light": False})
+    picture = BatchWorld(scenario, 1).pictures()
+    assert np.array_equal(picture.data[0], RenderState.of(autodrive.make(scenario).frame).data, equal_nan=True)
+    assert picture.vehicles["lamps"][0, :, 0].tolist() == [0.0, 0.0, 1.0, 1.0]
+
+
 def test_lamps_and_light_can_be_chosen_for_a_batch() -> None:
     batch = BatchWorld(ScenarioSpec(map="mini_map", time_of_day=79200.0), 2)
     assert batch.pictures().header["is_day"].tolist() == [0.0, 0.0]
@@ -42,3 +53,8 @@ def test_lamps_and_light_can_be_chosen_for_a_batch() -> None:
     assert day.header["is_day"].tolist() == [1.0, 1.0]
     assert np.isnan(day.header["time_of_day"]).all()
     assert day.vehicles["lamps"][0, 0, :4].tolist() == [1.0] * 4
+    unchecked: Any = 7
+    with pytest.raises(CommandError, match="headlights of vehicle 'V1'"):
+        batch.pictures(headlights=unchecked)
+    with pytest.raises(CommandError, match="is_day must be True or False, not 7"):
+        batch.pictures(is_day=unchecked)

@@ -27,8 +27,8 @@ from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.lidar.weather import set_lidar_weather
 from autodrive.physics.sensors.tables import set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
-from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
-from autodrive.protocol.messages import Headlights, Weather
+from autodrive.protocol.commands import MAX_DISTANCE, check_commands, check_flag, check_seed, check_weather
+from autodrive.protocol.messages import Command, Headlights, Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
@@ -223,8 +223,11 @@ class BatchWorld(OneThread):
         """What cameras show of all worlds now, for `BatchCamera.render`: bodies, lamps, lights, hour and weather.
 
         `is_day`: None is the light of the scenario; `headlights`: of the vehicles that obey commands. The traffic
-        switches its own lamps.
+        switches its own lamps. Raises `CommandError` for wrong values.
         """
+        if is_day is not None:
+            check_flag(is_day, "is_day")
+        check_commands(dict.fromkeys(self.commanded_names, Command(headlights=headlights)))
         rows = self.worlds, self.readings, self.weathers
         return pictures_of(self.compiled, *rows, is_day=is_day, headlights=headlights)
 
