@@ -24,10 +24,10 @@ CLASSES = """
 What each class sets, and why:
 
 - Solref: time constant [s] and damping ratio of a contact. A time constant below two steps becomes two steps
-  (refsafe), the stiffest contact that is stable: what meets at any speed is less than 3 mm deep in each other, because a
-  fast substep is divided (`physics/engine_contacts.py`). A damping ratio above 1 lets an impact give nothing back. On
-  the floor, whose solmix decides alone, 5 ms and 1: there bodies rest on four corners, which would chatter otherwise. A
-  box (solmix 0) has the contact of the floor, wall or vehicle that it touches.
+  (refsafe), the stiffest contact that is stable: what meets at any speed is less than 3 mm deep in each other, because
+  a fast substep is divided (`physics/engine_contacts.py`). A damping ratio above 1 lets an impact give nothing back.
+  On the floor, whose solmix decides alone, 5 ms and 1: there bodies rest on four corners, which would chatter
+  otherwise. A box (solmix 0) has the contact of the floor, wall or vehicle that it touches.
 - Solimp: the constraint keeps 99 % of what it asks for, at each depth. With the engine's 90 to 95 % a box that slides
   on the floor turns by 3 degrees.
 - Margin: bodies that are placed exactly on each other touch at all corners, whatever the last bit of their heights is.
@@ -37,9 +37,10 @@ What each class sets, and why:
 """
 
 COLLISION = 'cone="elliptic" ccd_tolerance="1e-9" ccd_iterations="500"'
-"""The friction of an elliptic cone is the same in every direction; the engine's pyramid has 41 % more along the axes of
-the map than between them. The other options are for precise contacts of cylinders. With MuJoCo's own settings, and with its `multiccd`, wheels that graze
-each other are up to 79 mm deep in each other for one substep, and the cars fly apart."""
+"""The friction of an elliptic cone is the same in every direction; with the engine's pyramid a box slides 41 % farther
+between the axes of the map than along them. The other options are for precise contacts of cylinders: with MuJoCo's own
+settings, and with its `multiccd`, wheels that graze each other are up to 79 mm deep in each other for one substep, and
+the cars fly apart."""
 
 UNUSED = " ".join(
     f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")
