@@ -324,8 +324,9 @@ class BatchRenderer(Renderer):
         draws.set_casters(casters, roots, part.centers[k, : len(roots)], bones, is_day=is_day)
         lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, is_day=is_day)
         numbers = np.flatnonzero(part.is_seen[k])
-        pairs, low, high = np.ix_([k], numbers, casters), part.low[k, numbers], part.high[k, numbers]
-        shades = self._shades(part.is_dimmed[pairs][0], part.to_shadow[pairs][0], self._is_ground[numbers])
+        low, high = part.low[k, numbers], part.high[k, numbers]
+        dimmed, away = (pairs[k, numbers][:, casters] for pairs in (part.is_dimmed, part.to_shadow))
+        shades = self._shades(dimmed, away, self._is_ground[numbers])
         beams, small = self._lights(lamps, n_beam, low, high, lights_view(lamps, part.clips[k], part.eyes[k, :3, 3]))
         return {
             number: Illumination(shade, beams, slots, is_day)
