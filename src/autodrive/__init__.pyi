@@ -17,6 +17,7 @@ from .protocol.messages import CameraImage as CameraImage
 from .protocol.messages import CameraIntrinsics as CameraIntrinsics
 from .protocol.messages import CheckpointPassed as CheckpointPassed
 from .protocol.messages import Collision as Collision
+from .protocol.messages import CollisionEnded as CollisionEnded
 from .protocol.messages import Command as Command
 from .protocol.messages import EncoderReading as EncoderReading
 from .protocol.messages import Frame as Frame

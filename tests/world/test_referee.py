@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+import yaml
 
 import autodrive
 from autodrive.base.transforms import quaternion_from_euler, rotate
-from autodrive.protocol.messages import BackOnRoad, Collision, Command, Event, Frame, OffRoad
+from autodrive.physics.tick import place
+from autodrive.protocol.messages import BackOnRoad, Collision, CollisionEnded, Command, Event, Frame, OffRoad
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.rules.road import any_wheel_outside
@@ -25,12 +27,17 @@ def drive(world: World, ticks: int, throttle: float = 1.0, steering: float = 0.0
 
 
 def events(frames: list[Frame]) -> list[Event]:
-    return [event for frame in frames for event in frame.events]
+    """All events but the ends of collisions."""
+    return [event for frame in frames for event in frame.events if not isinstance(event, CollisionEnded)]
+
+
+def ends(frames: list[Frame]) -> list[CollisionEnded]:
+    return [event for frame in frames for event in frame.events if isinstance(event, CollisionEnded)]
 
 
 def only_collision(frames: list[Frame]) -> tuple[int, Collision]:
-    """Index of the frame that holds the only event, and the event."""
-    found = [(i, event) for i, frame in enumerate(frames) for event in frame.events]
+    """Index of the frame that holds the only event that is no end of a collision, and the event."""
+    found = [(i, event) for i, frame in enumerate(frames) for event in events([frame])]
     assert len(found) == 1
     i, event = found[0]
     assert isinstance(event, Collision)
@@ -149,6 +156,48 @@ def test_a_touch_is_a_new_collision_only_after_a_fifth_of_a_second_apart(apart: 
     world.teleport("V1", behind - 0.3001, 0.0)
     drive(world, 8)
     assert world.frame.vehicles["V1"].collision_count == count
+
+
+@pytest.mark.parametrize("pieces", [1, 30, "round"])
+def test_a_scrape_along_a_wall_is_one_collision_whatever_the_wall_is_made_of(tmp_path: Path, pieces: int | str) -> None:
+    """It was counted once for each part that the car touched."""
+    if pieces == "round":
+        points = [[6.0 * math.sin(a), 6.55 - 6.0 * math.cos(a)] for a in np.linspace(-0.3, 1.5, 200).tolist()]
+    else:
+        points = [[12.0 / pieces * k - 1.0, 0.55] for k in range(pieces + 1)]
+    path = tmp_path / "wall.yaml"
+    wall = {"name": "left", "points": points, "thickness": 0.04, "height": 0.3}
+    path.write_text(yaml.safe_dump({"title": "Wall", "is_draft": True, "ground": {}, "walls": [wall]}))
+    world = autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": VehiclePlacement(type="roboracer", y=0.37)}))
+    world.compiled.state.qvel[int(world.compiled.model.vehicles[0]["dof"])] = 3.0
+    frames = [world.step({"V1": Command(0.15, 0.15 if k < 150 else -0.3)}) for k in range(300)]
+    _, collision = only_collision(frames)
+    assert collision.other.startswith("left_")
+    (end,) = ends(frames)
+    assert (end.vehicle, end.other) == (collision.vehicle, collision.other)
+    assert end.duration > 0.5
+    assert end.impulse > 3.0 * collision.impulse
+    assert end.time - end.duration - collision.time == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("x", [0.1, 0.0963, 0.0919])
+def test_the_end_of_a_crash_has_its_impulse_whatever_the_phase_of_the_tick_is(tmp_path: Path, x: float) -> None:
+    """A car that flies at a wall, without wheels on the ground: the impulse is what stops its mass, and friction."""
+    path = tmp_path / "wall.yaml"
+    wall = {"name": "end", "points": [[0.5, -2.0], [0.5, 2.0]], "thickness": 0.04, "height": 2.0}
+    path.write_text(yaml.safe_dump({"title": "Wall", "is_draft": True, "ground": {}, "walls": [wall]}))
+    world = autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": VehiclePlacement(x=x)}))
+    c = world.compiled
+    dof, qpos = (int(c.model.vehicles[0][key]) for key in ("dof", "qpos"))
+    c.state.qvel[dof], c.state.qpos[qpos + 2] = 3.0, 0.5
+    place(c.model, c.state, c.views)
+    before = MASS * 3.0
+    frames = [world.step({"V1": Command()}) for _ in range(15)]
+    assert isinstance(events(frames)[0], Collision)
+    after = MASS * float(c.state.qvel[dof])
+    frames += [world.step({"V1": Command()}) for _ in range(25)]
+    (end,) = [event for event in ends(frames) if event.other == "end_1"]
+    assert end.impulse == pytest.approx(before - after, rel=0.05)
 
 
 def test_driving_and_standing_on_the_ground_is_no_collision() -> None:

@@ -50,7 +50,7 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   store.events.watch((events) => {
     for (const event of events) {
       const [text, level] = describe(event)
-      add(level, text, event.time, event.type === 'CheckpointPassed')
+      add(level, text, event.time, isDetail(event))
     }
   })
   const bridgeError = whenChanged('error', 'Bridge: ')
@@ -83,11 +83,21 @@ const RACE_STATUS = {
   [RaceStatus.RETIRED]: 'has retired',
 }
 
+/** Whether an event is one of many of its kind, or tells more of an earlier one. */
+export function isDetail(event: Event): boolean {
+  return event.type === 'CheckpointPassed' || event.type === 'CollisionEnded'
+}
+
 /** The text of an event, and its level. */
 export function describe(event: Event): [string, Level] {
   switch (event.type) {
     case 'Collision':
       return [`${event.vehicle} hit ${event.other}`, 'warning']
+    case 'CollisionEnded':
+      return [
+        `${event.vehicle} touched ${event.other} for ${event.duration.toFixed(2)} s: ${event.impulse.toFixed(2)} N s`,
+        'info',
+      ]
     case 'OffRoad':
       return [`${event.vehicle} left the road`, 'warning']
     case 'BackOnRoad':

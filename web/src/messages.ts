@@ -607,10 +607,11 @@ export interface ExportMap {
 }
 
 /**
- * First contact of a vehicle with another object.
+ * First contact of a vehicle with another object, which it has not touched for 0.2 s.
  *
- * `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
- * of the tick; `position` [m] is a contact point in the map frame, shape (3,).
+ * A wall of the map file, with all its parts, is one object. `other` is the name of the vehicle, box or part of the
+ * map; `impulse` [N s] is the magnitude of the contact impulse of the tick, `CollisionEnded` has that of the whole
+ * collision; `position` [m] is a contact point in the map frame, shape (3,).
  */
 export interface Collision {
   type: 'Collision'
@@ -619,6 +620,21 @@ export interface Collision {
   other: string
   impulse: number
   position: Float64Array
+}
+
+/**
+ * A vehicle has not touched an object of a `Collision` for 0.2 s.
+ *
+ * `other` is that of the `Collision`; `impulse` [N s] is the sum of the magnitudes of the contact impulses of all
+ * ticks, `duration` [s] the time from the first to the last of these ticks.
+ */
+export interface CollisionEnded {
+  type: 'CollisionEnded'
+  time: number
+  vehicle: string
+  other: string
+  impulse: number
+  duration: number
 }
 
 /**
@@ -912,7 +928,7 @@ export interface Plan {
  */
 export interface Mark {
   time: number
-  event: Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+  event: Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 }
 
 /**
@@ -1447,7 +1463,7 @@ export interface Frame {
   tick: number
   vehicles: Record<string, VehicleFrame>
   objects: Record<string, ObjectFrame>
-  events: (Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
+  events: (Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
   scene_light: boolean
   time_of_day: number | null
   weather: Weather | null
@@ -1504,7 +1520,7 @@ export interface Error {
 
 export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
-export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+export type Event = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
 export type MapPart = MapModule | MapWall | MapBlock | MapProp
 

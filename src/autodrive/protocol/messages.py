@@ -818,15 +818,28 @@ class _OfVehicle(Displayed, frozen=True):
 
 
 class Collision(_OfVehicle, frozen=True, tag=True):
-    """First contact of a vehicle with another object.
+    """First contact of a vehicle with another object, which it has not touched for 0.2 s.
 
-    `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
-    of the tick; `position` [m] is a contact point in the map frame, shape (3,).
+    A wall of the map file, with all its parts, is one object. `other` is the name of the vehicle, box or part of the
+    map; `impulse` [N s] is the magnitude of the contact impulse of the tick, `CollisionEnded` has that of the whole
+    collision; `position` [m] is a contact point in the map frame, shape (3,).
     """
 
     other: str
     impulse: float
     position: Vector3
+
+
+class CollisionEnded(_OfVehicle, frozen=True, tag=True):
+    """A vehicle has not touched an object of a `Collision` for 0.2 s.
+
+    `other` is that of the `Collision`; `impulse` [N s] is the sum of the magnitudes of the contact impulses of all
+    ticks, `duration` [s] the time from the first to the last of these ticks.
+    """
+
+    other: str
+    impulse: float
+    duration: float
 
 
 class OffRoad(_OfVehicle, frozen=True, tag=True):
@@ -917,7 +930,7 @@ class RaceStatusChanged(_OfVehicle, frozen=True, tag=True):
 
 RaceEvent: TypeAlias = CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
-Event: TypeAlias = Collision | OffRoad | BackOnRoad | RedLight | StopSign | RaceEvent
+Event: TypeAlias = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | RaceEvent
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):

@@ -1,6 +1,6 @@
 // Notices at the bottom of the page: collisions, road departures, results of actions; errors stay until they are closed.
 import { sentence } from '../actions'
-import { describe, type Level } from '../log'
+import { describe, isDetail, type Level } from '../log'
 import type { Store } from '../store'
 import { copyText, splitCommand } from './clipboard'
 import { h } from './element'
@@ -72,7 +72,7 @@ export function notices(store: Store): HTMLElement {
     if (text) show(sentence(text), 'warning', false)
   })
   store.events.watch((events) => {
-    for (const event of events) if (event.type !== 'CheckpointPassed') show(...describe(event), true)
+    for (const event of events) if (!isDetail(event)) show(...describe(event), true)
   })
   return list
 }

@@ -338,10 +338,11 @@ struct ObjectFrame {
     operator const Pose&() const { return pose; }  ///< The pose.
 };
 
-/// First contact of a vehicle with another object.
+/// First contact of a vehicle with another object, which it has not touched for 0.2 s.
 ///
-/// `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
-/// of the tick; `position` [m] is a contact point in the map frame, shape (3,).
+/// A wall of the map file, with all its parts, is one object. `other` is the name of the vehicle, box or part of the
+/// map; `impulse` [N s] is the magnitude of the contact impulse of the tick, `CollisionEnded` has that of the whole
+/// collision; `position` [m] is a contact point in the map frame, shape (3,).
 struct Collision {
     static constexpr const char* type = "Collision";
     double time = 0.0;
@@ -349,6 +350,19 @@ struct Collision {
     std::string other;
     double impulse = 0.0;
     Eigen::Vector3d position = Eigen::Vector3d::Zero();
+};
+
+/// A vehicle has not touched an object of a `Collision` for 0.2 s.
+///
+/// `other` is that of the `Collision`; `impulse` [N s] is the sum of the magnitudes of the contact impulses of all
+/// ticks, `duration` [s] the time from the first to the last of these ticks.
+struct CollisionEnded {
+    static constexpr const char* type = "CollisionEnded";
+    double time = 0.0;
+    std::string vehicle;
+    std::string other;
+    double impulse = 0.0;
+    double duration = 0.0;
 };
 
 /// The first wheel of a vehicle left the drivable area; `position` [m], shape (3,), is its rear axle centre.
@@ -455,8 +469,8 @@ struct RaceStatusChanged {
 struct Event {
     /// One of the events; `std::monostate` if its type is not known.
     using Value = std::variant<
-        std::monostate, Collision, OffRoad, BackOnRoad, RedLight, StopSign, CheckpointPassed, LapCompleted, RacePenalty,
-        SetBack, WrongWay, RaceStatusChanged>;
+        std::monostate, Collision, CollisionEnded, OffRoad, BackOnRoad, RedLight, StopSign, CheckpointPassed, LapCompleted,
+        RacePenalty, SetBack, WrongWay, RaceStatusChanged>;
 
     std::string type;  ///< "Collision", "OffRoad", "RedLight", "StopSign", "LapCompleted" ...
     double time = 0.0;  ///< simulated time [s]
@@ -756,6 +770,15 @@ void visit_fields(Collision& m, Visit visit) {
     visit("other", m.other, true);
     visit("impulse", m.impulse, true);
     visit("position", m.position, true);
+}
+
+template <typename Visit>
+void visit_fields(CollisionEnded& m, Visit visit) {
+    visit("time", m.time, true);
+    visit("vehicle", m.vehicle, true);
+    visit("other", m.other, true);
+    visit("impulse", m.impulse, true);
+    visit("duration", m.duration, true);
 }
 
 template <typename Visit>

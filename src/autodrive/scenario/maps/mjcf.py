@@ -9,9 +9,9 @@ from autodrive.scenario.maps.map import BoxPlacement, Map
 
 CLASSES = """
 <default>
-  <geom solref="1e-6 2" solimp="0.99 0.99 0.001 0.5 2" margin="1e-9" condim="3"/>
+  <geom solref="1e-6 3" solimp="0.99 0.99 0.001 0.5 2" margin="1e-9" condim="3"/>
   <default class="floor"><geom contype="1" conaffinity="0" solref="0.005 1" solmix="1e6"/></default>
-  <default class="static"><geom contype="2" conaffinity="0" solref="1e-6 1"/></default>
+  <default class="static"><geom contype="2" conaffinity="0"/></default>
   <default class="movable"><geom contype="4" conaffinity="7" solref="0.005 2" solmix="0"/></default>
   <default class="chassis"><geom contype="8" conaffinity="31" mass="0"/></default>
   <default class="wheel">
@@ -25,9 +25,9 @@ What each class sets, and why:
 
 - Solref: time constant [s] and damping ratio of a contact. A time constant below two steps becomes two steps
   (refsafe), the stiffest contact that is stable: what meets at any speed is less than 3 mm deep in each other, because
-  a fast substep is divided (`physics/engine_contacts.py`). A damping ratio above 1 lets an impact give nothing back.
-  On the floor, whose solmix decides alone, 5 ms and 1: there bodies rest on four corners, which would chatter
-  otherwise. A box (solmix 0) has the contact of the floor, wall or vehicle that it touches.
+  a fast substep is divided (`physics/engine_contacts.py`). With the damping ratio 3 an impact gives back less than
+  0.5 % of the energy. On the floor, whose solmix decides alone, 5 ms and 1: there bodies rest on four corners, which
+  would chatter otherwise. A box (solmix 0) has the contact of the floor, wall or vehicle that it touches.
 - Solimp: the constraint keeps 99 % of what it asks for, at each depth. With the engine's 90 to 95 % a box that slides
   on the floor turns by 3 degrees.
 - Margin: bodies that are placed exactly on each other touch at all corners, whatever the last bit of their heights is.

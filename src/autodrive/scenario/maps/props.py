@@ -107,14 +107,14 @@ def prop_shapes(prop: Prop) -> Iterator[StaticShape]:
         low, high = min(LAMP_HEIGHTS.values()) - HOUSING_MARGIN, max(LAMP_HEIGHTS.values()) + HOUSING_MARGIN
         yield _post(prop, low)
         half = (HOUSING_DEPTH / 2.0, HOUSING_WIDTH / 2.0, (high - low) / 2.0)
-        yield StaticShape(f"{prop.name}.housing", BOX, half, (x, y, (low + high) / 2.0), yaw, "housing")
+        yield StaticShape(f"{prop.name}.housing", prop.name, BOX, half, (x, y, (low + high) / 2.0), yaw, "housing")
         return
     yield _post(prop, PLATE_HEIGHT + PLATE_SIZE / 2.0)
     x, y, z = plate_position(prop)
     for number, part in enumerate(PLATES.get(prop.kind, _SQUARE), 1):
         name = f"{prop.name}.plate" if number == 1 else f"{prop.name}.plate/{number}"
         half = (PLATE_THICKNESS / 2.0, part.width * PLATE_SIZE / 2.0, part.height * PLATE_SIZE / 2.0)
-        yield StaticShape(name, BOX, half, (x, y, z + part.z * PLATE_SIZE), yaw, "plate", part.tilt)
+        yield StaticShape(name, prop.name, BOX, half, (x, y, z + part.z * PLATE_SIZE), yaw, "plate", part.tilt)
 
 
 def plate_position(prop: Prop) -> tuple[float, float, float]:
@@ -127,4 +127,4 @@ def plate_position(prop: Prop) -> tuple[float, float, float]:
 def _post(prop: Prop, height: float) -> StaticShape:
     x, y, yaw = prop.pose
     size = (POST_RADIUS, height / 2.0, 0.0)
-    return StaticShape(f"{prop.name}.post", CYLINDER, size, (x, y, height / 2.0), yaw, "post")
+    return StaticShape(f"{prop.name}.post", prop.name, CYLINDER, size, (x, y, height / 2.0), yaw, "post")

@@ -61,6 +61,8 @@ class StaticShape:
     """A solid shape that never moves."""
 
     name: str
+    object: str
+    """Name of the wall, block, sign or light of the file of which it is a part."""
     kind: int
     """`BOX` or `CYLINDER` of `autodrive.physics.model`."""
     size: tuple[float, float, float]
@@ -155,10 +157,10 @@ def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
     for i, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(points), 1):
         half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
         centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
-        yield StaticShape(f"{wall.name}_{i}", BOX, half, centre, atan2(y1 - y0, x1 - x0), "wall")
+        yield StaticShape(f"{wall.name}_{i}", wall.name, BOX, half, centre, atan2(y1 - y0, x1 - x0), "wall")
 
 
 def block_shape(block: BlockSpec, name: str) -> StaticShape:
     """The static shape of a block."""
     half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
-    return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")
+    return StaticShape(name, name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")

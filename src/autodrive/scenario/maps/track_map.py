@@ -33,6 +33,8 @@ class Barrier:
     """One wall, or one air duct: a line along its face, with the solid on the right side of it."""
 
     name: str
+    wall: str
+    """Name of the wall that it is a part of."""
     points: Floats
     """x, y [m], shape (n, 2); the first point is repeated at the end if the barrier is closed."""
     depth: Floats
@@ -47,9 +49,10 @@ def barriers(track: Track) -> list[Barrier]:
         closed = np.vstack([face, face[:1]])
         lines = [closed] if track.barrier.length is None else list(_ducts(closed, track.barrier))
         for k, line in enumerate(lines, 1):
-            name = f"wall_{number}" if len(lines) == 1 else f"wall_{number}_{k}"
+            wall = f"wall_{number}"
+            name = wall if len(lines) == 1 else f"{wall}_{k}"
             depth = np.full(len(line) - 1, track.barrier.width)
-            all_barriers.append(Barrier(name, line, depth, track.barrier.length is None))
+            all_barriers.append(Barrier(name, wall, line, depth, track.barrier.length is None))
     if all_barriers:
         _make_thinner(all_barriers)
     return all_barriers
@@ -66,7 +69,7 @@ def pieces(all_barriers: list[Barrier], spec: BarrierSpec) -> Iterator[StaticSha
             length = math.sqrt(dx * dx + dy * dy)
             half = (length / 2.0 + OVERLAP, depth / 2.0, spec.height / 2.0)
             centre = (x + dy / length * depth / 2.0, y - dx / length * depth / 2.0, spec.height / 2.0)
-            yield StaticShape(f"{barrier.name}/{k}", BOX, half, centre, atan2(dy, dx), spec.kind)
+            yield StaticShape(f"{barrier.name}/{k}", barrier.wall, BOX, half, centre, atan2(dy, dx), spec.kind)
 
 
 def road(track: Track) -> BaseGeometry:

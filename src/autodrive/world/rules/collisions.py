@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.jit import jit_uncounted
 from autodrive.physics.buffers import VehicleContacts
-from autodrive.protocol.messages import Collision, Event
+from autodrive.protocol.messages import Collision, CollisionEnded, Event
 from autodrive.world.compile import CompiledScenario
 
 SEPARATION = 0.2
-"""A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
+"""A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles, and a car touches
+one part of a wall after the other."""
 
 NEVER = -(2**62)
 """Stands for the tick of the last contact of a vehicle with an object that it has not touched."""
@@ -25,16 +26,24 @@ class CollisionTable(NamedTuple):
     """What does not change."""
 
     owner: Integers
-    """Number of the object, in the order of `objects_of`, to which each solid belongs; see `VehicleContacts`."""
+    """Number of the object, in the order of `_objects_of`, to which each solid belongs; see `VehicleContacts`."""
     separation: float
     """`SEPARATION` [ticks]."""
 
 
 class CollisionColumns(NamedTuple):
-    """n worlds with v vehicles and m objects, which are also the vehicles and the parts of the map."""
+    """n worlds with v vehicles and m objects, which are also the vehicles and the objects of the map."""
 
     last_contact: Integers
     """Tick of the last contact of each vehicle with each object, shape (n, v, m)."""
+    start: Integers
+    """Tick in which the present collision with each object began, shape (n, v, m)."""
+    impulse: Floats
+    """Sum of the impulses of the present collision with each object [N s], 0 without a collision, shape (n, v, m)."""
+    solid: Integers
+    """The solid of each object that the present collision has touched first, shape (n, v, m)."""
+    present: Integers
+    """Number of present collisions, shape (n, v)."""
     total: Integers
     """Collisions since the reset, shape (n, v)."""
     has_collided: NDArray[np.bool_]
@@ -42,7 +51,10 @@ class CollisionColumns(NamedTuple):
 
 
 class CollisionMemory(NamedTuple):
-    """The vehicles that touch an object in a tick, in p rows; those whose collision begins come first."""
+    """The vehicles that touch an object in a tick, in p rows, and the collisions that end in this tick.
+
+    The rows whose collision begins come first.
+    """
 
     pair: Integers
     """Numbers of the vehicle and the object, shape (p, 2)."""
@@ -50,26 +62,43 @@ class CollisionMemory(NamedTuple):
     """Sum of the impulses of the contacts of both [N s], shape (p,)."""
     place: Floats
     """Position of the first contact of both in the map [m], shape (p, 3)."""
+    solid: Integers
+    """The solid that was touched first, shape (p,)."""
     begun: Integers
     """Number of collisions that begin, shape (1,)."""
+    ended: Integers
+    """Vehicle and solid of the collisions that end, and how long each of them was [ticks], shape (p, 3)."""
+    sum: Floats
+    """Impulse of each of these collisions [N s], shape (p,)."""
+    ended_count: Integers
+    """Number of collisions that end, shape (1,)."""
 
 
-def objects_of(c: CompiledScenario) -> list[str]:
-    """Names of all that a vehicle can touch."""
-    return list(dict.fromkeys(c.owners))
+def _objects_of(c: CompiledScenario) -> list[str]:
+    """The object to which each solid belongs: a vehicle, a box, the ground, or all parts of an object of the map.
+
+    No name of a vehicle or box begins with a slash.
+    """
+    fixed = [f"/{shape.object}" for shape in c.map.statics]
+    return [c.owners[0], *fixed, *c.owners[1 + len(fixed) :]]
 
 
 def table(c: CompiledScenario) -> CollisionTable:
     """What does not change in a scenario."""
-    numbers = {name: number for number, name in enumerate(objects_of(c))}
-    return CollisionTable(np.array([numbers[name] for name in c.owners], np.int64), SEPARATION / c.spec.tick)
+    objects = _objects_of(c)
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(objects))}
+    return CollisionTable(np.array([numbers[name] for name in objects], np.int64), SEPARATION / c.spec.tick)
 
 
 def columns(c: CompiledScenario, n: int) -> CollisionColumns:
     """Columns of n worlds of the scenario, in which nothing has touched."""
-    v = len(c.vehicles)
+    v, m = len(c.vehicles), len(set(_objects_of(c)))
     return CollisionColumns(
-        last_contact=np.full((n, v, len(objects_of(c))), NEVER),
+        last_contact=np.full((n, v, m), NEVER),
+        start=np.zeros((n, v, m), np.int64),
+        impulse=np.zeros((n, v, m)),
+        solid=np.zeros((n, v, m), np.int64),
+        present=np.zeros((n, v), np.int64),
         total=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
     )
@@ -78,13 +107,23 @@ def columns(c: CompiledScenario, n: int) -> CollisionColumns:
 def memory(c: CompiledScenario) -> CollisionMemory:
     """Working memory for one world of the scenario."""
     p = len(c.contacts.pairs)
-    return CollisionMemory(np.zeros((p, 2), np.int64), np.zeros(p), np.zeros((p, 3)), np.zeros(1, np.int64))
+    return CollisionMemory(
+        pair=np.zeros((p, 2), np.int64),
+        impulse=np.zeros(p),
+        place=np.zeros((p, 3)),
+        solid=np.zeros(p, np.int64),
+        begun=np.zeros(1, np.int64),
+        ended=np.zeros((p, 3), np.int64),
+        sum=np.zeros(p),
+        ended_count=np.zeros(1, np.int64),
+    )
 
 
 def begin(columns: CollisionColumns, chosen: Integers) -> None:
     """Forget all contacts of the `chosen` worlds, as before the first tick."""
     columns.last_contact[chosen] = NEVER
-    columns.total[chosen] = 0
+    columns.impulse[chosen] = 0.0
+    columns.present[chosen] = columns.total[chosen] = 0
     columns.has_collided[chosen] = False
 
 
@@ -94,10 +133,20 @@ def take_over(
     """Set the columns of a World to those of another World with the same vehicles, whose objects may differ."""
     columns.total[:] = before_columns.total
     columns.last_contact[:] = NEVER
-    numbers = {name: number for number, name in enumerate(objects_of(before))}
-    for number, name in enumerate(objects_of(c)):
+    columns.impulse[:] = 0.0
+    objects, solids = _objects_of(c), c.owners
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(_objects_of(before)))}
+    for number, name in enumerate(dict.fromkeys(objects)):
         if name in numbers:
             columns.last_contact[:, :, number] = before_columns.last_contact[:, :, numbers[name]]
+            columns.start[:, :, number] = before_columns.start[:, :, numbers[name]]
+            columns.impulse[:, :, number] = before_columns.impulse[:, :, numbers[name]]
+            for i, solid in enumerate(before_columns.solid[0, :, numbers[name]].tolist()):
+                touched = before.owners[solid]
+                columns.solid[0, i, number] = solids.index(
+                    touched if touched in solids else solids[objects.index(name)]
+                )
+    columns.present[:] = np.count_nonzero(columns.impulse, axis=2)
 
 
 @jit_uncounted
@@ -109,7 +158,7 @@ def judge(
     columns: CollisionColumns,
     memory: CollisionMemory,
 ) -> bool:
-    """Count the collisions of world k that begin in this tick, and clear the contacts; True if one begins."""
+    """Count the collisions of world k that begin in this tick, and clear the contacts; True if one begins or ends."""
     # contacts of a vehicle with the solids of one object are one row: the first gives its place, all its impulse
     touching = 0
     for p in range(contacts.pair_count[0]):
@@ -121,38 +170,60 @@ def judge(
         if row == touching:
             touching += 1
             memory.pair[row, 0], memory.pair[row, 1] = vehicle, other
+            memory.solid[row] = solid
             memory.impulse[row] = 0.0
             for axis in range(3):
                 memory.place[row, axis] = contacts.position[vehicle, solid, axis]
         memory.impulse[row] += contacts.impulse[vehicle, solid]
         contacts.impulse[vehicle, solid] = 0.0
     contacts.pair_count[0] = 0
-    # a collision begins if the last contact with that object is long ago; such rows move to the front
+    # a collision ends when the last contact with that object is long ago
+    ended = 0
+    for vehicle in range(columns.present.shape[1]):
+        if columns.present[k, vehicle] == 0:
+            continue
+        for other in range(columns.impulse.shape[2]):
+            if columns.impulse[k, vehicle, other] > 0.0 and ended < memory.sum.shape[0]:
+                last = columns.last_contact[k, vehicle, other]
+                if tick - last > table.separation:
+                    memory.ended[ended, 0], memory.ended[ended, 1] = vehicle, columns.solid[k, vehicle, other]
+                    memory.ended[ended, 2] = last + 1 - columns.start[k, vehicle, other]
+                    memory.sum[ended] = columns.impulse[k, vehicle, other]
+                    columns.impulse[k, vehicle, other] = 0.0
+                    columns.present[k, vehicle] -= 1
+                    ended += 1
+    memory.ended_count[0] = ended
+    # the rows of the collisions that begin move to the front
     begun = 0
     for row in range(touching):
         vehicle, other = memory.pair[row, 0], memory.pair[row, 1]
         before = columns.last_contact[k, vehicle, other]
         columns.last_contact[k, vehicle, other] = tick
+        columns.impulse[k, vehicle, other] += memory.impulse[row]
         if tick - before <= table.separation:
             continue
+        columns.start[k, vehicle, other], columns.solid[k, vehicle, other] = tick, memory.solid[row]
+        columns.present[k, vehicle] += 1
         columns.total[k, vehicle] += 1
         columns.has_collided[k, vehicle] = True
         memory.pair[begun, 0], memory.pair[begun, 1] = vehicle, other
-        memory.impulse[begun] = memory.impulse[row]
+        memory.impulse[begun], memory.solid[begun] = memory.impulse[row], memory.solid[row]
         for axis in range(3):
             memory.place[begun, axis] = memory.place[row, axis]
         begun += 1
     memory.begun[0] = begun
-    return begun > 0
+    return begun + ended > 0
 
 
-def events(names: Sequence[str], objects: Sequence[str], memory: CollisionMemory, time: float) -> Iterator[Event]:
-    """Events of the tick that `judge` has judged; `names`: of the vehicles, `objects`: see `objects_of`."""
+def events(c: CompiledScenario, memory: CollisionMemory, time: float) -> Iterator[Event]:
+    """Events of the tick that `judge` has judged."""
+    names = list(c.vehicles)
+    for row in range(int(memory.ended_count[0])):
+        vehicle, solid, ticks = memory.ended[row].tolist()
+        yield CollisionEnded(time, names[vehicle], c.owners[solid], float(memory.sum[row]), ticks * c.spec.tick)
     for row in range(int(memory.begun[0])):
-        vehicle, other = int(memory.pair[row, 0]), int(memory.pair[row, 1])
-        yield Collision(
-            time, names[vehicle], objects[other], float(memory.impulse[row]), read_only_copy(memory.place[row])
-        )
+        vehicle, other = names[memory.pair[row, 0]], c.owners[memory.solid[row]]
+        yield Collision(time, vehicle, other, float(memory.impulse[row]), read_only_copy(memory.place[row]))
 
 
 @jit_uncounted

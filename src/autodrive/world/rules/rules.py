@@ -139,6 +139,6 @@ def judge(
 def events(c: CompiledScenario, columns: RuleColumns, memory: RuleMemory, time: float) -> Iterator[Event]:
     """Events of a World in the tick that `judge` has judged."""
     names = list(c.vehicles)
-    yield from collisions.events(names, collisions.objects_of(c), memory.collisions, time)
+    yield from collisions.events(c, memory.collisions, time)
     yield from road.events(names, columns.road, memory.road, c.state.vehicle_position, time)
     yield from stop_lines.events(c, memory.stop_lines, time)
