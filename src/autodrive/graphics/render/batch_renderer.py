@@ -79,7 +79,7 @@ class PreparedStates(NamedTuple):
     low: Floats
     """Lowest corners of ranges, vehicles and objects [m], shape (m, r + v + o, 3)."""
     high: Floats
-    """Their highest corners [m], shape (m, r + v + o, 3)."""
+    """Highest corners of ranges, vehicles and objects [m], shape (m, r + v + o, 3)."""
     to_shadow: Floats
     """Distances from ranges, vehicles and objects to the shadow of each vehicle, see `shadow_distances`, shape
     (m, r + v + o, v)."""
