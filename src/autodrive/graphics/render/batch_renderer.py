@@ -325,7 +325,7 @@ class BatchRenderer(Renderer):
         lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, is_day=is_day)
         numbers = np.flatnonzero(part.is_seen[k])
         low, high = part.low[k, numbers], part.high[k, numbers]
-        dimmed, away = (pairs[k, numbers][:, casters] for pairs in (part.is_dimmed, part.to_shadow))
+        dimmed, away = part.is_dimmed[k, numbers][:, casters], part.to_shadow[k, numbers][:, casters]
         shades = self._shades(dimmed, away, self._is_ground[numbers])
         beams, small = self._lights(lamps, n_beam, low, high, lights_view(lamps, part.clips[k], part.eyes[k, :3, 3]))
         return {
