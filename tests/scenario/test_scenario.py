@@ -1,6 +1,7 @@
 """Scenarios: contents, and errors of invalid ones."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -74,7 +75,41 @@ def test_a_scenario_made_in_python_reports_all_its_errors() -> None:
 def test_tick_must_be_a_whole_number_of_substeps() -> None:
     with pytest.raises(ValueError, match=r"tick 0\.01 s must be a whole number of substeps of 0\.003 s"):
         ScenarioSpec(substep=0.003)
-    assert ScenarioSpec(tick=0.03, substep=0.001).substeps == 30  # 0.03 / 0.001 is 29.999... in binary
+    with pytest.raises(ValueError, match=r"0\.00123456789012 s has more than 9 decimals.*; set 'substep' to 0\.001"):
+        ScenarioSpec(tick=0.0123456789012, substep=0.00123456789012)
+
+
+@pytest.mark.parametrize(
+    ("tick", "substep", "count"),
+    [(1 / 30, 1 / 3000, 100), (1 / 60, 1 / 1200, 20), (0.01, 1 / 3000, 30), (0.03, 0.001, 30), (1 / 70, 1 / 1050, 15)],
+)
+def test_a_float_of_a_simple_fraction_is_that_fraction(tick: float, substep: float, count: int) -> None:
+    spec = ScenarioSpec(tick=tick, substep=substep)
+    assert spec.substeps == count
+    world = autodrive.make(spec)
+    for _ in range(7):
+        frame = world.step()
+    assert frame.time == pytest.approx(7 * tick, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("tick", "substep"),
+    [
+        (1 / 60, 0.001),
+        (0.0333333333, 3.3333333e-4),
+        (0.0123456789, 0.001),
+        (1e-5, 0.001),
+        (0.09973, 1.23e-5),
+        (6e-5, 4e-5),
+    ],
+)
+def test_the_advice_for_a_tick_that_is_no_whole_number_of_substeps_is_right(tick: float, substep: float) -> None:
+    with pytest.raises(ValueError, match="must be a whole number of substeps") as error:
+        ScenarioSpec(tick=tick, substep=substep)
+    advice = dict(re.findall(r"'(tick|substep)' to ([\d.e-]+)", str(error.value)))
+    assert float(advice["substep"]) <= substep
+    assert float(advice.get("tick", tick)) == pytest.approx(tick, rel=0.001)
+    ScenarioSpec(**{"tick": tick} | {name: float(number) for name, number in advice.items()})
 
 
 def test_seed_given_to_make_replaces_that_of_the_file() -> None:

@@ -1,11 +1,13 @@
 """Copies of vehicle files with changed values."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from autodrive.scenario.kinds import find
+from autodrive.scenario.vehicles.spec import load_vehicle
 
 OBEYS_AT_ONCE = {
     "steering.dead_time": 0.0,
@@ -20,6 +22,12 @@ def small_images(width: int, height: int) -> dict[str, int]:
     """Changes of a vehicle file: both cameras have images of that size [pixels]."""
     names = ("front", "rear")
     return {f"cameras.{name}.{edge}": size for name in names for edge, size in (("width", width), ("height", height))}
+
+
+def top_tread_speed(vehicle: str) -> float:
+    """Speed of the treads at which the drive of an included vehicle is limited [m/s]."""
+    spec = load_vehicle(vehicle)
+    return spec.drivetrain.speed_limit_rpm * 2.0 * math.pi / 60.0 * spec.wheels.radius
 
 
 def car_file(folder: Path, changes: dict[str, Any], vehicle: str = "nigel") -> str:

@@ -8,7 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, 
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE, car_file
-from tests.support.frames import digest, digests
+from tests.support.frames import arrays, digest, digests
 
 LIMIT = math.radians(30.0)
 STANDING = Command()
@@ -38,17 +37,6 @@ def drive(world: World, ticks: int, **command: Any) -> Frame:
     for _ in range(ticks):
         frame = world.step({"V1": Command(**command)})
     return frame
-
-
-def arrays(value: Any) -> list[np.ndarray]:
-    """All arrays in a message."""
-    if isinstance(value, np.ndarray):
-        return [value]
-    if isinstance(value, msgspec.Struct):
-        value = [getattr(value, field) for field in value.__struct_fields__]
-    if isinstance(value, dict):
-        value = list(value.values())
-    return [array for item in value for array in arrays(item)] if isinstance(value, list | tuple) else []
 
 
 # -- time and Frames ---------------------------------------------------------------------------------------------
@@ -101,22 +89,22 @@ def test_commands_beyond_one_count_as_one(throttle: float, steering: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("tick", "timeout"), [(0.01, 0.5), (0.01, 0.07), (0.02, 0.5), (0.1, 0.3), (0.01, 0.29), (0.02, 0.03)]
+    ("tick", "timeout"), [(0.01, 0.5), (0.01, 0.07), (0.02, 0.5), (0.1, 0.3), (0.01, 0.29), (0.02, 0.03), (0.01, 0.003)]
 )
-def test_a_command_counts_until_it_is_older_than_the_timeout(tmp_path: Path, tick: float, timeout: float) -> None:
+def test_a_command_acts_in_the_ticks_that_begin_before_the_timeout(tmp_path: Path, tick: float, timeout: float) -> None:
     car = VehiclePlacement(type=car_file(tmp_path, OBEYS_AT_ONCE))
     world = plane(vehicles={"V1": car}, tick=tick, command_timeout=timeout)
     frames = [world.step({"V1": Command(throttle=0.5, steering=1.0)})]
-    counting = math.floor(round(timeout / tick, 9))  # ticks after the one that it was given at
-    frames += [world.step() for _ in range(counting + 1)]
-    assert [frame.vehicles["V1"].throttle for frame in frames] == [0.5] * (1 + counting) + [0.0]
+    acting = math.ceil(round(timeout / tick, 9))
+    frames += [world.step() for _ in range(acting)]
+    assert [frame.vehicles["V1"].throttle for frame in frames] == [0.5] * acting + [0.0]
     assert frames[-1].vehicles["V1"].lights.tail_lights == TailLights.BRIGHT
 
 
 def test_a_car_without_commands_brakes_and_straightens_its_wheels() -> None:
     world = plane()
     assert drive(world, 100, throttle=1.0, steering=1.0).vehicles["V1"].steering == pytest.approx(LIMIT)
-    for _ in range(50):
+    for _ in range(49):
         assert world.step().vehicles["V1"].throttle == 1.0
     for _ in range(100):
         vehicle = world.step().vehicles["V1"]
@@ -343,6 +331,43 @@ def test_a_held_vehicle_stays_at_its_pose_until_the_hold_ends() -> None:
     assert frame.vehicles["V1"].pose.position[2] == pytest.approx(frame.vehicles["V2"].pose.position[2], abs=0.01)
     with pytest.raises(CommandError, match="V7"):
         world.hold("V7", None)
+
+
+@pytest.mark.parametrize("ticks", [1, 3])
+def test_a_held_vehicle_that_is_moved_reports_its_speed(ticks: int) -> None:
+    """As a co-simulation moves it, on a circle of 2 m at 3 m/s; then it rests."""
+    world = plane(vehicles={"V1": VehiclePlacement()})
+    for tick in range(30):
+        angle = 1.5 * 0.01 * tick
+        if tick % ticks == 0:
+            position = 2.0 * math.sin(angle), 2.0 * (1.0 - math.cos(angle)), 0.5
+            world.hold("V1", position, (math.cos(angle / 2.0), 0.0, 0.0, math.sin(angle / 2.0)))
+        car = world.step().vehicles["V1"]
+        assert car.pose.position.tolist() == pytest.approx(position, abs=0.0)
+        if tick >= ticks:
+            assert car.speed == pytest.approx(3.0, rel=0.002)
+            assert car.angular_velocity.tolist() == pytest.approx([0.0, 0.0, 1.5], abs=1e-6)
+    for _ in range(ticks):
+        car = world.step().vehicles["V1"]
+    assert car.speed == 0.0
+
+
+@pytest.mark.parametrize("goes", ["away", "free"])
+def test_a_box_falls_when_the_held_car_under_it_goes(goes: str) -> None:
+    """What sleeps is woken when a held car comes, moves or goes: the car may have carried it."""
+    boxes = {"box": BoxSpec(x=0.131, y=0.0, z=0.6, mass=0.2), "far": BoxSpec(x=2.0, y=2.0)}
+    world = plane(vehicles={"V1": VehiclePlacement()}, boxes=boxes)
+    world.hold("V1", (0.0, 0.0, 0.3))
+    for _ in range(200):
+        high = world.step().objects["box"].pose.position[2]
+    far = [*boxes].index("far")
+    assert high > 0.35
+    assert world.compiled.state.asleep[far] >= 0.0
+    world.hold("V1", (3.0, 0.0, 0.3) if goes == "away" else None)
+    assert world.compiled.state.asleep[far] < 0.0
+    for _ in range(100):
+        low = world.step().objects["box"].pose.position[2]
+    assert low < high - 0.1
 
 
 def test_the_light_follows_the_time_of_day() -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.drawing import drawings_now
 from autodrive.protocol.messages import (
@@ -338,7 +339,7 @@ class _RecordedTime:
         self._tick: int | None = None
 
     def set_tick_duration(self, seconds: float) -> None:
-        self._tick_duration = Fraction(str(seconds)) * NANOSECONDS
+        self._tick_duration = exact_fraction(seconds) * NANOSECONDS
 
     def forget_tick(self) -> None:
         """The next Frame continues at another tick."""
@@ -372,4 +373,4 @@ def _period(rate: float | None, subject: str) -> Fraction:
         return Fraction(0)
     if not 0.0 < rate < math.inf:
         raise RecordingError(f"the rate of {subject} must be a positive number [Hz], not {rate}")
-    return NANOSECONDS / Fraction(rate)
+    return NANOSECONDS / exact_fraction(rate)

@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from autodrive.base.exact_fraction import exact_fraction, whole_parts
 from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, TimeOfDay, is_yaml
 from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.settings import SensorSettings
@@ -35,6 +36,10 @@ DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
 FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
 """Least and greatest factor of a vehicle, see `VehiclePlacement`."""
+SHORTEST_SUBSTEP = 1e-5
+"""Least length of a substep [s]."""
+FINEST = 10**9
+"""Greatest denominator of a substep [s]: then the numbers of a long run fit into 64 bits."""
 MAX_VEHICLES = 100
 """Most vehicles of a scenario."""
 MAX_BOXES = 1000
@@ -225,12 +230,15 @@ class ScenarioSpec(Spec):
     """Radio channel over which vehicles hear each other and traffic lights; left out: none."""
     tick: float = Field(default=0.01, ge=1e-5, le=0.1)
     """Simulated time between Frames [s]."""
-    substep: float = Field(default=0.001, ge=1e-5, le=0.005)
+    substep: float = Field(default=0.001, ge=SHORTEST_SUBSTEP, le=0.005)
     """Step of the physics [s]; a tick is a whole number of substeps."""
     gravity: float = Field(default=9.81, ge=0, le=1e3)
     """[m/s^2]."""
     command_timeout: float = Field(default=0.5, ge=1e-5, le=1e9)
-    """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight."""
+    """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight.
+
+    A command expires with the first tick that begins this time or longer after it.
+    """
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Seed of all noise."""
     race: RaceSpec | None = None
@@ -238,10 +246,14 @@ class ScenarioSpec(Spec):
 
     @model_validator(mode="after")
     def _whole_substeps(self) -> ScenarioSpec:
-        if (Fraction(str(self.tick)) / Fraction(str(self.substep))).denominator != 1:
+        tick, substep = exact_fraction(self.tick), exact_fraction(self.substep)
+        is_whole = (tick / substep).denominator == 1
+        if not is_whole or substep.denominator > FINEST:
             place = "tick" if "tick" in self.model_fields_set else "substep"
             text = f"tick {self.tick} s must be a whole number of substeps of {self.substep} s"
-            raise RuleError([((place,), text)])
+            if is_whole:
+                text = f"substep {self.substep} s has more than 9 decimals, and is not the float of a simple fraction"
+            raise RuleError([((place,), f"{text}; {_advice(tick, self.substep)}")])
         return self
 
     @model_validator(mode="after")
@@ -279,7 +291,21 @@ class ScenarioSpec(Spec):
     @property
     def substeps(self) -> int:
         """Number of substeps in a tick."""
-        return int(Fraction(str(self.tick)) / Fraction(str(self.substep)))
+        return int(exact_fraction(self.tick) / exact_fraction(self.substep))
+
+    @property
+    def command_ticks(self) -> int:
+        """Number of ticks in which a command acts that is not renewed."""
+        return math.ceil(exact_fraction(self.command_timeout) / exact_fraction(self.tick))
+
+
+def _advice(tick: Fraction, substep: float) -> str:
+    """Names a substep that is not longer, and the tick, or one near it, that is a whole number of these substeps."""
+    # 0.0333333 is meant as 1/30; a fraction of a large denominator may have no parts with exact floats
+    for near in (tick.limit_denominator(10**6), tick.limit_denominator(10**4) or tick, Fraction(1, 100)):
+        for part in whole_parts(near, longest=substep, shortest=SHORTEST_SUBSTEP):
+            return f"set 'substep' to {part}" + ("" if near == tick else f" and 'tick' to {float(near)}")
+    raise AssertionError("1e-5 s is a part of 0.01 s")
 
 
 Scenario = ScenarioSpec

@@ -6,13 +6,13 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from autodrive.base.arrays import Integers
 from autodrive.base.errors import EngineError, SensorError, SpecError
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.specs import PlaceInFile, Problem, SpecProblems
 from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
@@ -33,11 +33,12 @@ from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.maps.placing import PlacingProblem
 from autodrive.scenario.maps.solids import fixed_shapes
+from autodrive.scenario.scenario import SHORTEST_SUBSTEP
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.scenario.vehicles.stability import is_stable, longest_substep
+from autodrive.scenario.vehicles.stability import greatest_damping, is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings, traffic_warnings
 from autodrive.world.racing import Race
 from autodrive.world.rules.traffic.start import with_traffic
@@ -179,7 +180,7 @@ def _compiled(checked: CheckedScenario, engine: Engine, fixed: ShapeTable) -> Co
     state = empty_state(model, engine.body_count)
     objects = {box.name: engine.body(box.name)[1] for box in checked.boxes}
     poses = {name: engine.body(name)[1] for name in vehicles} | objects
-    times = {"substep": Fraction(str(spec.substep)), "substeps": spec.substeps}
+    times = {"substep": exact_fraction(spec.substep), "substeps": spec.substeps}
     own = OwnSensors({name: [*sensors] for name, sensors in configured.items()}, poses, shapes, state, **times)
     for (vehicle, name), sensor in checked.users_sensors.items():
         try:
@@ -309,11 +310,20 @@ def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> 
         (
             _at("vehicles", name),
             f": the springs and dampers of '{spec.vehicles[name].type}' are unstable with a "
-            f"substep of {spec.substep:g} s; set 'substep' to at most {longest_substep(vehicle, spec.tick):g}",
+            f"substep of {spec.substep:g} s; {_stable(vehicle, spec)}",
         )
         for name, vehicle in vehicles.items()
         if not is_stable(vehicle, spec.substep)
     ]
+
+
+def _stable(vehicle: VehicleSpec, spec: ScenarioSpec) -> str:
+    """The advice that makes a vehicle stable."""
+    if substep := longest_substep(vehicle, spec.tick, longest=spec.substep, shortest=SHORTEST_SUBSTEP):
+        return f"set 'substep' to at most {substep}"
+    if damping := greatest_damping(vehicle, spec.substep):
+        return f"no substep of a scenario is short enough; set 'wheels.suspension.damping' to at most {damping:g}"
+    return "no substep of a scenario is short enough; its springs are too stiff for its mass and inertia"
 
 
 def _boxes(spec: ScenarioSpec, map_: Map) -> tuple[list[BoxPlacement], list[Problem]]:

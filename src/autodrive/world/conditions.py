@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from fractions import Fraction
 
 from msgspec.structs import replace
 
 from autodrive.base.errors import CommandError
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.physics.model import Table
 from autodrive.physics.weather import ChangingWeather, detection_range, extinction, road, sight, wet_reflectivity
 from autodrive.protocol.commands import is_number
@@ -44,7 +44,7 @@ class WorldConditions:
         """What the weather means for the first vehicle; None: clear."""
         self.is_changing = False
         """Whether wetness or snow cover of the ground are changing: `follow` is due in each tick."""
-        tick = Fraction(str(compiled.spec.tick))
+        tick = exact_fraction(compiled.spec.tick)
         self._ratio = tick.numerator, tick.denominator
         self._period = max(1, round(WEATHER_PERIOD / compiled.spec.tick))
 

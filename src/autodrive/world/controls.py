@@ -43,7 +43,7 @@ class Controls:
     """The controls of all vehicles of a world."""
 
     def __init__(self, is_autonomous: Mapping[str, bool], timeout: int, *, traffic: Collection[str] = ()) -> None:
-        """`is_autonomous`: driving mode of each vehicle after a reset; `timeout` of a command [ticks].
+        """`is_autonomous`: driving mode of each vehicle after a reset; a command acts for `timeout` ticks.
 
         `traffic`: names of the vehicles that drive themselves.
         """
@@ -90,7 +90,7 @@ class Controls:
     def update(self, tick: int) -> None:
         """Write what the vehicles obey at that tick into `throttle` and `steering`: clamped, 0 after the time-out."""
         for i, controls in enumerate(self.vehicles):
-            command = controls.command if tick - controls.since <= self._timeout else NO_COMMAND
+            command = controls.command if tick - controls.since < self._timeout else NO_COMMAND
             self.throttle[i], self.steering[i] = _clamped(command.throttle), _clamped(command.steering)
 
     def save(self) -> Sequence[VehicleControls]:

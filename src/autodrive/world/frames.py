@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only, read_only_copy
 from autodrive.base.suggest import ByName
 from autodrive.base.units import RPM
 from autodrive.physics.actuators.lights import lit_lamps
@@ -112,8 +112,7 @@ class FrameBuilder:
         race: RaceState | None,
         heard: V2xReading | None,
     ) -> VehicleFrame:
-        values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
-        values.setflags(write=False)
+        values = read_only(self._numbers[self._places[i]])  # one copy: many small ones take longer than all the rest
         throttle, steering, *rear_spins = values[SCALARS].tolist()
         position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
         return VehicleFrame(

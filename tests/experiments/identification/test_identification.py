@@ -112,7 +112,7 @@ def test_a_parameter_without_influence_is_named(drive: Drive) -> None:
     [
         (["wheels.damping"], "nigel", "'wheels.damping' is not a parameter of vehicle 'nigel'. Did you mean "),
         (["a", "body.mass", "body.mass"], "nigel", "'a' is not a parameter .*; 'body.mass' is named twice$"),
-        (["wheels.suspension.substeps"], "nigel", "is not a real number"),
+        (["sensors.lidar.rays"], "nigel", "is not a real number"),
         (["steering.rate_limit"], "nigel_2023", "is left out of the file: give its bounds"),
         (["body.drag=2:1"], "nigel", "the lower one first, not 2:1"),
         (["body.drag=x:1"], "nigel", "must be such as body.drag=0.1:0.5, not 'x:1'"),
@@ -151,6 +151,18 @@ def test_the_longest_part_of_a_drive_without_a_break_is_compared(drive: Drive) -
     windows = whole_drive(replace(drive, breaks=np.array([0.001, 2.0, 9.0])))
     assert (windows.starts[0], windows.ticks) == (pytest.approx(2.01), 698)  # to 8.99 s
     assert drive.time[windows.rows[0, [0, -1]]].tolist() == pytest.approx([2.01, 8.99])
+
+
+def test_a_command_of_a_drive_acts_as_long_as_in_the_world(tmp_path: Path) -> None:
+    path = tmp_path / "one_command.mcap"
+    world = autodrive.make("plane")
+    with Recorder(path, world, name="plane", has_meshes=False):
+        obeyed = []
+        for tick in range(300):
+            world.step({"V1": Command(0.7)} if tick == 0 else {})
+            obeyed.append(world.controls.throttle[0])
+    assert obeyed == [0.7] * 50 + [0.0] * 250
+    assert read_drive(path).command_time[1:] == pytest.approx([0.0, 0.5])
 
 
 def test_files_that_are_no_drive_are_one_line(files: tuple[Path, Path], tmp_path: Path) -> None:

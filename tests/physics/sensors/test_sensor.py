@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import autodrive
 from autodrive.base.arrays import Floats
 from autodrive.base.transforms import rotate
 from autodrive.physics.sensors.catalog import SensorSuiteSpec
@@ -21,6 +23,8 @@ from autodrive.physics.sensors.lidar.noise import RPLIDAR_A1M8
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.physics.sensors.settings import configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from tests.support.cars import car_file
 from tests.support.sensor_scenes import SensorScene, scene
 
 MILLISECOND = Fraction(1, 1000)
@@ -132,3 +136,12 @@ def test_readings_are_read_only() -> None:
     imu, scan = suite.readings(0)["imu"], suite.readings(0)["lidar"]
     arrays += [imu.orientation, imu.euler, imu.angular_velocity, imu.linear_acceleration, scan.ranges, scan.intensities]
     assert not any(array.flags.writeable for array in arrays)
+
+
+def test_a_rate_of_many_digits_is_kept_in_a_long_run(tmp_path: Path) -> None:
+    """The products of time and rate are integers of 64 bits in compiled code."""
+    rate = 12.345678901234567
+    car = VehiclePlacement(type=car_file(tmp_path, {"sensors.lidar.rate": rate}))
+    world = autodrive.make(ScenarioSpec(vehicles={"V1": car}))
+    times = {world.step().vehicles["V1"].lidar.time for _ in range(300)}
+    assert sorted(times) == [math.ceil(n / rate * 100) / 100 for n in range(math.floor(3.0 * rate) + 1)]

@@ -54,7 +54,7 @@ class CommandInput:
             self._now = now
             if self._received is None:
                 return None
-            if self._timeout and now - self._received > self._timeout:
+            if self._is_too_old(self._received):
                 self._command = replace(self._command, throttle=0.0)
             return self._command
 
@@ -66,7 +66,10 @@ class CommandInput:
     @property
     def is_active(self) -> bool:
         """Whether a command was received within the timeout."""
-        return self._received is not None and not (self._timeout and self._now - self._received > self._timeout)
+        return self._received is not None and not self._is_too_old(self._received)
+
+    def _is_too_old(self, received: float) -> bool:
+        return bool(self._timeout) and self._now - received >= self._timeout - 1e-9  # rounding of the times
 
     # -- callbacks, one for each topic -----------------------------------------------------------------------------
 

@@ -144,7 +144,8 @@ def _of_recording(recording: Recording, name: str) -> Drive:
         )
     name = name or names[0]
     with recording.scenario_spec() as scenario:
-        tick, substep, timeout = scenario.tick, scenario.substep, scenario.command_timeout
+        tick, substep = scenario.tick, scenario.substep
+        lasts = tick * scenario.command_ticks
         grip = load_map(scenario.map).ground.grip
     rows: list[tuple[float, ...]] = []
     breaks: list[float] = []
@@ -166,11 +167,11 @@ def _of_recording(recording: Recording, name: str) -> Drive:
     own_commands = [(at, record.commands[name]) for at, record in recording.commands if name in record.commands]
     commands: list[tuple[float, float, float]] = [(-math.inf, 0.0, 0.0)]
     for at, command in own_commands:
-        if at - commands[-1][0] > timeout + 0.5 * tick and math.isfinite(commands[-1][0]):
-            commands.append((commands[-1][0] + timeout + tick, 0.0, 0.0))
+        if lasts + 0.5 * tick < at - commands[-1][0] < math.inf:
+            commands.append((commands[-1][0] + lasts, 0.0, 0.0))
         commands.append((at, min(1.0, max(-1.0, command.throttle)), min(1.0, max(-1.0, command.steering))))
     if math.isfinite(commands[-1][0]):
-        commands.append((commands[-1][0] + timeout + tick, 0.0, 0.0))
+        commands.append((commands[-1][0] + lasts, 0.0, 0.0))
     command_time, throttle, steering = np.array(commands).T
     return Drive(
         time=time,

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.base.arrays import Floats
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.specs import Degrees, Offset, Spec
 from autodrive.base.transforms import Quaternion, quaternion_from_euler
 from autodrive.physics.sensors.columns import ReadingColumns
@@ -141,9 +142,9 @@ class Schedule:
     def of(cls, rate: float | Fraction, substep: Fraction) -> Schedule:
         """Schedule for a `rate` [Hz] and the duration of a `substep` [s].
 
-        A float is read as the decimal fraction that it prints as: 0.1 is one tenth.
+        A rate of many digits is rounded, so that the numbers of a long run fit into 64 bits.
         """
-        samples_per_substep = Fraction(str(rate)) * substep
+        samples_per_substep = (exact_fraction(rate) * substep).limit_denominator(10**9)
         return cls(samples_per_substep.numerator, samples_per_substep.denominator)
 
     def is_due(self, now: int, before: int | None) -> bool:

@@ -71,7 +71,7 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
         episode += has_jump and last < math.inf
         last = time
         limit = recording.scenario_at(time).spec.get("command_timeout", math.inf)
-        obeyed = command if time - since <= limit + 1e-9 else Command()
+        obeyed = command if time - since < limit - 1e-9 else Command()
         action = np.clip(np.array([obeyed.throttle, obeyed.steering], np.float32), -1.0, 1.0)
         images = frame.vehicles[vehicle].cameras
         assert isinstance(images, LazyImages)

@@ -122,7 +122,7 @@ def wheel_table(
             for field in ("is_steered", "is_driven", "is_braked"):
                 wheels[field] = getattr(axle, field)
         _set_wheels(rows, spec)
-        _set_suspension(rows, spec, dt)
+        _set_suspension(rows, spec)
         set_conditions(rows, spec, factor, dt, ground, weather)
     return table
 
@@ -166,11 +166,10 @@ def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
     rows["inertia"] = 0.5 * wheel.mass * wheel.radius * wheel.radius
 
 
-def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
+def _set_suspension(rows: Table, spec: VehicleSpec) -> None:
     suspension = spec.wheels.suspension
-    for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
+    for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness", "look_ahead"):
         rows[field] = getattr(suspension, field)
-    rows["look_ahead"] = suspension.look_ahead(dt)
 
 
 def hold_spring(spec: VehicleSpec, dt: float) -> tuple[float, float]:

@@ -151,12 +151,12 @@ class SuspensionSpec(Spec):
     """[N s/m]."""
     bump_stiffness: float = Field(ge=0.01, le=1e9)
     """Stiffness of the stop at full compression [N/m]."""
-    substeps: int = Field(ge=1, le=1000)
-    """Number of substeps of a wheel within one step of the body in PhysX; see `look_ahead`."""
+    look_ahead: float = Field(default=0.0, ge=0, le=0.01)
+    """Time [s] by which the spring extrapolates the compression, which damps like stiffness x look_ahead [N s/m].
 
-    def look_ahead(self, dt: float) -> float:
-        """Mean time [s] within a step of `dt` at which the substeps of PhysX (0, dt/n, 2 dt/n ...) read the spring."""
-        return dt * (self.substeps - 1) / (2 * self.substeps)
+    PhysX divides a step dt of the body into n substeps of a wheel. They read the spring at 0, dt/n, 2 dt/n ..., after
+    the mean time dt (n - 1) / (2 n).
+    """
 
     @property
     def compression_max(self) -> float:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from fractions import Fraction
-
 import numpy as np
 
+from autodrive.base.exact_fraction import whole_parts
 from autodrive.scenario.vehicles.parameters import hold_spring
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -25,7 +23,7 @@ def is_stable(spec: VehicleSpec, substep: float) -> bool:
     a damper, whose M^-1 C has the eigenvalue b, it is a dt^2 + 2 b dt < 4 (Jury's criterion).
     """
     body, suspension = spec.body, spec.wheels.suspension
-    damping = suspension.damping + suspension.stiffness * suspension.look_ahead(substep)
+    damping = suspension.damping + suspension.stiffness * suspension.look_ahead
     hold_stiffness, hold_damping = hold_spring(spec, substep)
     stiffnesses, dampings = np.zeros((6, 6)), np.zeros((6, 6))
     for hub in spec.hubs:
@@ -43,11 +41,22 @@ def is_stable(spec: VehicleSpec, substep: float) -> bool:
     return bool(np.abs(np.linalg.eigvals(np.vstack([displacements, velocities]))).max() <= 1.0 + TOLERANCE)
 
 
-def longest_substep(spec: VehicleSpec, tick: float) -> float:
-    """The longest stable substep [s] of which a tick is a whole number, at least 1 us."""
-    whole = Fraction(str(tick))
-    for count in range(1, math.ceil(tick / 1e-6)):
-        substep = float(whole / count)
-        if Fraction(str(substep)) * count == whole and is_stable(spec, substep):
-            return substep
-    return 1e-6
+def longest_substep(spec: VehicleSpec, tick: float, *, longest: float, shortest: float) -> float | None:
+    """The longest stable substep [s] in these limits of which a tick is a whole number; None: there is none."""
+    parts = whole_parts(tick, longest=longest, shortest=shortest)
+    return next((part for part in parts if is_stable(spec, part)), None)
+
+
+def greatest_damping(spec: VehicleSpec, substep: float) -> float | None:
+    """The greatest stable damping of a wheel [N s/m] with substeps of that length [s]; None: the springs are too stiff.
+
+    Two digits, rounded down.
+    """
+
+    def is_stable_with(damping: float) -> bool:
+        suspension = spec.wheels.suspension.model_copy(update={"damping": damping})
+        wheels = spec.wheels.model_copy(update={"suspension": suspension})
+        return is_stable(spec.model_copy(update={"wheels": wheels}), substep)
+
+    digits = [float(f"{k / 10:g}e{power}") for power in range(-2, 8) for k in range(10, 100)]
+    return next((damping for damping in reversed(digits) if is_stable_with(damping)), None)

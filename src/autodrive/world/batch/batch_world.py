@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.child_process import cpu_count
 from autodrive.base.errors import CommandError
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.jit import resolved
 from autodrive.base.pinned import Pinned
 from autodrive.base.suggest import suggest, with_suggestions
@@ -99,7 +99,7 @@ class BatchWorld(OneThread):
         heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
         self._on_ground = {name: (c.engine.body(name)[1], height) for name, height in heights.items()}
         """Index of the pose of each body in `State.qpos`, and its height on the ground [m]."""
-        self._tick = Fraction(str(spec.tick))
+        self._tick = exact_fraction(spec.tick)
         count = min(threads or cpu_count(), math.ceil(n / BLOCK))
         self._block = max(BLOCK, n // (BLOCKS * count))
         self._engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]  # they own the memory of the views

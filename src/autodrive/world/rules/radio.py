@@ -7,7 +7,6 @@ same sender has overtaken is dropped.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from math import sqrt
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.elementary import atan2, log
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.sensors.random_stream import Stream, inverse_normal, new_stream, uniform
 from autodrive.physics.sensors.sensor import Schedule, random_generator
@@ -93,7 +93,7 @@ class RadioColumns(NamedTuple):
 def table(c: CompiledScenario) -> RadioChannel:
     """The radio channel of a scenario; one that nothing uses if the scenario has none."""
     spec = c.spec.v2x or V2xSpec()
-    due = Schedule.of(spec.rate, Fraction(str(c.spec.tick)))
+    due = Schedule.of(spec.rate, exact_fraction(c.spec.tick))
     return RadioChannel(due.samples, due.substeps, spec.range, spec.delay, spec.jitter, spec.loss, spec.position_noise)
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
+from autodrive.base.exact_fraction import exact_fraction
 from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.graphics.cameras.rig import CameraRig, CameraSlot, SceneContents
 from autodrive.world import World
@@ -21,7 +20,7 @@ def camera_rig(compiled: CompiledScenario, quality: str = "auto") -> CameraRig:
         SceneContents(compiled.map, compiled.vehicles, compiled.boxes),
         quality,
         slots=tuple(slots),
-        substep=Fraction(str(compiled.spec.substep)),
+        substep=exact_fraction(compiled.spec.substep),
         substeps=compiled.spec.substeps,
     )
 
