@@ -81,12 +81,13 @@ def test_an_encoder_changes_the_scheduling_of_no_thread(tmp_path: Path, codec: s
 
 def test_a_film_can_have_another_light_and_an_overlay(gl: str, tape: Tape, tmp_path: Path) -> None:
     images = {}
-    for light in ("day", "night"):
+    for light in ("day", "night", "22"):
         for overlay in (False, True):
             path = tmp_path / f"{light}-{overlay}.mkv"
             film(tape, path, FilmOptions(end=0.02, size=SMALL, light=light, overlay=overlay))
             images[light, overlay] = read(path)[2][0].astype(float)
     assert images["night", False].mean() < 0.6 * images["day", False].mean()
+    assert np.array_equal(images["22", False], images["night", False])  # the sun is deep below the horizon
     difference = np.abs(images["day", True] - images["day", False])
     assert difference[150:175, 6:80].mean() > 20
     assert difference[:120, 160:].mean() < 2  # lossy, but the same picture
