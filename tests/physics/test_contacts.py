@@ -1,4 +1,4 @@
-"""Contacts against closed forms: friction in every direction, turned worlds, impacts on walls, crashes at any speed."""
+"""Contacts against closed forms: friction, turned worlds, impacts on walls, crashes at any speed, cars on their side."""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of MuJoCo have no types)
@@ -16,13 +16,14 @@ import yaml
 import autodrive
 from autodrive import Collision, Command
 from autodrive.base.arrays import Floats
-from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.base.transforms import quaternion_from_euler, rotation_from_quaternion
 from autodrive.physics.tick import place
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.batch import BatchWorld
 from tests.support.cars import car_file
 from tests.support.hardening import cases
+from tests.support.jams import Energy
 
 G = 9.81
 HEADINGS = (0, 10, 37, 45, 90, 123, 180, 211, 270, 300, 345)
@@ -378,6 +379,67 @@ def test_after_any_crash_nothing_is_in_each_other_and_throttle_parts_it(group: i
         parted += 1
     print(f"\n{hits} crashes, {parted} parted by throttle")
     assert parted > 0.3 * hits > 0
+
+
+# -- on its side and on its roof --------------------------------------------------------------------------------
+
+
+def dropped(vehicle: str, roll: float, pitch: float) -> World:
+    """A world with a car that is turned by these angles [degrees], 2 cm above the floor; a tick is one substep."""
+    world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=vehicle)}, tick=0.001))
+    c = world.compiled
+    car, wheels = c.model.vehicles[0], c.model.wheels
+    orientation = quaternion_from_euler(math.radians(roll), math.radians(pitch), 0.3)
+    up = np.array(rotation_from_quaternion(orientation)[6:])
+    chassis = np.array([*itertools.product(*zip(car["chassis_low"], car["chassis_high"], strict=True))]) @ up
+    rims = wheels["hub"] @ up + wheels["compression_max"] * up[2] - wheels["radius"] * math.hypot(up[0], up[2])
+    qpos = int(car["qpos"])
+    c.state.qpos[qpos : qpos + 3] = 0.0, 0.0, 0.02 - min(chassis.min(), rims.min())
+    c.state.qpos[qpos + 3 : qpos + 7] = orientation
+    place(c.model, c.state, c.views)
+    return world
+
+
+@pytest.mark.parametrize("vehicle", ["roboracer", "roboracer_f1tenth", "nigel"])
+@pytest.mark.parametrize(
+    ("roll", "pitch"),
+    [(90, 0), (85, 5), (100, 0), (95, -10), (-90, 3), (180, 0), (-170, 5)],
+)
+def test_a_car_on_its_side_or_its_roof_comes_to_rest(vehicle: str, roll: float, pitch: float) -> None:
+    """Without a gain of energy. On rims with one point each, race cars rolled at 0.26 rad/s for ever."""
+    world = dropped(vehicle, roll, pitch)
+    c, energy = world.compiled, Energy(world)
+    least = start = energy.now()[1]
+    motion = np.zeros((200, 6))
+    for tick in range(4000):
+        world.step()
+        energy.observe_substep()
+        motion[tick % len(motion)] = c.state.qvel
+        if tick % 4 == 0:
+            present = energy.now()[1]
+            assert present - least < 0.02 * start, tick
+            least = min(least, present)
+    assert np.linalg.norm(motion[:, :3], axis=1).max() < 1e-4
+    assert np.linalg.norm(motion[:, 3:], axis=1).max() < 0.005
+
+
+@pytest.mark.parametrize("vehicle", ["roboracer", "roboracer_f1tenth"])
+def test_a_race_car_lies_on_two_rims_with_the_tilt_at_which_moments_balance(vehicle: str) -> None:
+    """Per tilt, the stops k at both ends of the diameters 2 R of two rims turn with 4 k R^2 against the weight W, whose
+    centre is at the height h: W e / (4 k R^2 - W h)."""
+    world = dropped(vehicle, 90.0, 0.0)
+    for _ in range(4000):
+        world.step()
+    c = world.compiled
+    car, wheel = c.model.vehicles[0], c.model.wheels[0]
+    weight = float(car["mass"]) * G
+    assert c.state.wheel_normal_load.sum() == pytest.approx(weight, rel=1e-3)
+    offset = float(car["center_of_mass"][2] - wheel["compression_max"])  # of the weight from the middle of the rims
+    stiffness = 4.0 * float(wheel["bump_stiffness"] * wheel["radius"] ** 2)
+    tilt = weight * offset / (stiffness - weight * float(wheel["hub"][1]))
+    qpos = int(car["qpos"])
+    upright = rotation_from_quaternion(tuple(c.state.qpos[qpos + 3 : qpos + 7].tolist()))[8]
+    assert upright == pytest.approx(-tilt, rel=0.005)
 
 
 # -- values of the engine ----------------------------------------------------------------------------------------

@@ -89,12 +89,13 @@ class Energy:
         travel = np.clip(compression, free, high)
         spring = upright**2 * (static * (travel - free) + 0.5 * stiffness * (travel**2 - free**2))
         hub = height + np.einsum("wj,wj->w", np.repeat(rotation[self._cars, 2], 4, axis=0), wheels["hub"])
-        rim = wheels["radius"] * np.abs(upright) - high * upright - hub
-        is_upright = upright > 0.1
-        depth = np.maximum(0.0, np.where(is_upright, upright * (compression - high), rim))
-        stop = 0.5 * wheels["bump_stiffness"] * depth**2
+        depth = np.maximum(0.0, upright * (compression - high))
         full = upright * (static + stiffness * high) * depth
-        return float((np.where(is_upright, spring + full, 0.0) + stop).sum())
+        centre, end = hub + high * upright, wheels["radius"] * upright
+        rim = np.maximum(0.0, np.array([end, -end]) - centre)  # depths of both ends of its diameter
+        stop = 0.5 * wheels["bump_stiffness"]
+        lying = (stop * rim**2).sum(axis=0)
+        return float(np.where(upright > 0.1, spring + full + stop * depth**2, lying).sum())
 
 
 def jam(vehicle: str, seed: int, folder: Path) -> Jam:

@@ -195,27 +195,32 @@ def _lie_on_rim(
     """Lets the stop of a fully compressed wheel carry a vehicle that lies on its side or its back on the floor.
 
     hx, hy, hz: hub, relative to the origin of the vehicle frame, map axes. Fills the contact row if the wheel, a circle
-    at full compression, is below the floor.
+    at full compression, is below the floor and the floor pushes it.
     """
     v = model.vehicles[i]
     wheel = model.wheels[4 * i + w]
     qpos, dof = v["qpos"], v["dof"]
     r00, _, r02, r10, _, r12, _, _, r22 = rotation
     radius, high, stiffness = wheel["radius"], wheel["compression_max"], wheel["bump_stiffness"]
-    arm = high - radius  # from the hub to the lowest point, along the vehicle's z axis
-    if r22 < 0.0:
-        arm = high + radius
-    # the lowest point k, relative to the origin of the vehicle frame, and its depth below the floor
-    kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
-    depth = -(state.qpos[qpos + 2] + kz)
-    if depth <= 0.0:
-        return
-    # the bump stop carries that point as a spring with a damper, by its velocity v
+    damping = sqrt(stiffness * wheel["sprung_mass"])
     wx, wy, wz = turn
+    # The bump stop carries both ends of the diameter along the vehicle's z axis, each as a spring with a damper: a rim
+    # that is nearly flat on the floor stands on both. `arm`: from the hub along that axis.
+    load, moment = 0.0, 0.0
+    for arm in (high - radius, high + radius):
+        kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
+        depth = -(state.qpos[qpos + 2] + kz)
+        if depth > 0.0:
+            force = max(0.0, stiffness * depth - damping * (state.qvel[dof + 2] + wx * ky - wy * kx))
+            load += force
+            moment += force * arm
+    if load == 0.0:
+        return
+    # both forces act as one at their centre k, relative to the origin of the vehicle frame, which moves with v
+    arm = moment / load
+    kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
     vx = state.qvel[dof] + wy * kz - wz * ky
     vy = state.qvel[dof + 1] + wz * kx - wx * kz
-    vz = state.qvel[dof + 2] + wx * ky - wy * kx
-    load = max(0.0, stiffness * depth - sqrt(stiffness * wheel["sprung_mass"]) * vz)
     # the longitudinal axis is the vehicle's x axis on the floor; the x axis of the map if that one is nearly vertical
     length = sqrt(r00 * r00 + r10 * r10)
     fx, fy = 1.0, 0.0
