@@ -13,10 +13,6 @@ import statistics
 import sys
 import time
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
 
 import autodrive
 from autodrive.graphics.cameras.rig import CameraArray
@@ -47,22 +43,6 @@ def drive(name: str, headlights: autodrive.Headlights) -> list[Frame]:
     return frames[::3]
 
 
-def states_of(frames: list[Frame]) -> Any:
-    """The columns that `BatchCamera.render` reads."""
-    rows = [list(frame.vehicles.values()) for frame in frames]
-    boxes = [[np.concatenate([box.pose.position, box.pose.orientation]) for box in f.objects.values()] for f in frames]
-    return SimpleNamespace(
-        position=np.array([[v.pose.position for v in row] for row in rows]),
-        orientation=np.array([[v.pose.orientation for v in row] for row in rows]),
-        throttle=np.array([[v.throttle for v in row] for row in rows]),
-        wheel_steering_angle=np.array([[v.wheels.steering_angle for v in row] for row in rows]),
-        wheel_rotation_angle=np.array([[v.wheels.rotation_angle for v in row] for row in rows]),
-        wheel_angular_velocity=np.array([[v.wheels.angular_velocity for v in row] for row in rows]),
-        wheel_compression=np.array([[v.wheels.compression for v in row] for row in rows]),
-        object_pose=np.array(boxes).reshape(len(frames), -1, 7),
-    )
-
-
 def measured(name: str, size: int, headlights: autodrive.Headlights) -> None:
     """Print the figures of a scenario by day (headlights off) or by night."""
     compiled = compile_scenario(name)
@@ -71,10 +51,10 @@ def measured(name: str, size: int, headlights: autodrive.Headlights) -> None:
     spec = slot.spec.model_copy(update={"width": size, "height": size})
     array, renderer = CameraArray(replace(rig, slots=(slot._replace(spec=spec),))), Renderer(rig.scene, "small")
     batch = BatchCamera(compiled, slot.vehicle, slot.camera, size=(size, size))
-    frames, is_day = drive(name, headlights), headlights == autodrive.Headlights.OFF
-    states = {n: states_of(frames[:: max(COUNTS) // n]) for n in COUNTS}
+    frames = drive(name, headlights)
+    states = {n: RenderState.of_all(frames[:: max(COUNTS) // n]) for n in COUNTS}
     singles = [RenderState.of(frame) for frame in frames[:: len(frames) // SINGLES]]
-    batch.render(states[max(COUNTS)], is_day=is_day, headlights=headlights)  # compiles the shaders
+    batch.render(states[max(COUNTS)])  # compiles the shaders
     for state in singles:
         array.capture(renderer, state, 0, [0])
     times: dict[int, list[float]] = {n: [] for n in (0, *COUNTS)}
@@ -87,10 +67,10 @@ def measured(name: str, size: int, headlights: autodrive.Headlights) -> None:
             repeats = max(1, SINGLES // n)
             start = time.process_time()
             for _ in range(repeats):
-                batch.render(states[n], is_day=is_day, headlights=headlights)
+                batch.render(states[n])
             times[n].append((time.process_time() - start) / (n * repeats))
     alone = statistics.median(times[0])
-    light = "day" if is_day else "night, low beams"
+    light = "day" if headlights == autodrive.Headlights.OFF else "night, low beams"
     print(f"{name}, {light}, {size}x{size}: one at a time {1e3 * alone:.2f} ms, {1.0 / alone:.0f}/s")
     for n in COUNTS:
         each = statistics.median(times[n])

@@ -47,7 +47,7 @@ def main() -> None:
             view = orbit(target, 1.05, azimuth, 19.0, 42.0).view(2 * SIZE[0], 2 * SIZE[1])
             draw(renderer, RenderState.of(frames[name]), view, f"{name}.png")
     seeing = autodrive.make("two_cars", cameras="software-fxaa")
-    front = np.ascontiguousarray(seeing.frame.vehicles["V1"].cameras["front"].rgb)
+    front = seeing.frame.vehicles["V1"].cameras["front"].rgb
     (HERE / "front_camera.png").write_bytes(encode_png(front))
 
 

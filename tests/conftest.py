@@ -41,6 +41,7 @@ MARKERS = {
     "experiments/campaigns/test_campaign_document.py": "slow",
     "experiments/campaigns/test_runs.py": "slow",
     "experiments/campaigns/test_search.py": "slow",
+    "experiments/envs/test_camera_observations.py": "slow",
     "experiments/envs/test_document.py": "slow",
     "experiments/envs/test_driving_vector_env.py": "slow",
     "experiments/envs/test_roboracer_env.py": "slow",

@@ -214,6 +214,20 @@ def test_a_vehicle_at_night_has_its_lamps_on(tmp_path: Path) -> None:
 
 @needs_gl
 @pytest.mark.usefixtures("small")
+def test_a_scenario_has_its_own_light_and_weather(tmp_path: Path) -> None:
+    """By night the mini-map is darker than by day; on snow it is brighter, and more alike everywhere."""
+    scenario = "map: mini_map\nvehicles: {V1: {type: nigel}}\n"
+    (tmp_path / "snow.yaml").write_text(scenario + "weather: {snow_cover: 1.0}\n")
+    pictures = {}
+    for name in ("mini_map", "night", "snow.yaml"):
+        assert call("show", name, "--3d", f"{name}.png", cwd=tmp_path).returncode == 0
+        pictures[name] = decode_png((tmp_path / f"{name}.png").read_bytes()).astype(float)
+    assert pictures["night"].mean() < 0.6 * pictures["mini_map"].mean()
+    assert pictures["snow.yaml"].mean() > 1.1 * pictures["mini_map"].mean()
+
+
+@needs_gl
+@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(("file", "text"), [("look.jpg", "must end in .png"), ("nowhere/look.png", "cannot write")])
 def test_show_reports_why_it_cannot_render(tmp_path: Path, file: str, text: str) -> None:
     assert text in refused("show", "straight_road", "--3d", file, cwd=tmp_path)

@@ -195,10 +195,24 @@ def test_an_impossible_vehicle_is_refused_with_its_line(attack: str, tmp_path: P
 
 
 def test_a_realistic_lens_that_does_not_cover_a_wide_image_is_refused(tmp_path: Path) -> None:
-    car = car_file(tmp_path, {"cameras.front.field_of_view_deg": 150.0})
+    """Each way out that the message names works."""
     path = tmp_path / "wide.yaml"
-    path.write_text(f"vehicles: {{V1: {{type: {car}, has_realistic_sensors: true}}}}\n")
-    assert "front: with noise 'realistic', camera: this distortion is too strong" in refused("scenario", path)
+
+    def write(changes: dict[str, Any]) -> None:
+        car = car_file(tmp_path, {"cameras.front.field_of_view_deg": 70.0, **changes})
+        path.write_text(f"vehicles: {{V1: {{type: {car}, has_realistic_sensors: true}}}}\n")
+
+    write({})
+    message = refused("scenario", path)
+    assert "front: with noise 'realistic', camera: this distortion is too strong" in message
+    (widest,) = re.findall(r"field_of_view_deg of at most ([\d.]+)", message)
+    write({"cameras.front.field_of_view_deg": float(widest)})
+    check(str(path), "scenario")
+    write({"cameras.front.field_of_view_deg": float(widest) + 0.3})
+    refused("scenario", path)
+    assert "'hardware: rectified'" in message
+    write({"cameras.front.hardware": "rectified"})
+    check(str(path), "scenario")
 
 
 def test_an_impossible_date_is_a_text() -> None:

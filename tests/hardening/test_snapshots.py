@@ -17,8 +17,7 @@ from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
 from tests.support.command_line import python
-from tests.support.frames import digest, digests
-from tests.world.test_world import arrays
+from tests.support.frames import arrays, digest, digests
 
 SPEC = ScenarioSpec(
     vehicles={"V1": VehiclePlacement(has_realistic_sensors=True)}, boxes={"box": BoxSpec(x=0.36, y=0.0)}

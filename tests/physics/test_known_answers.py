@@ -169,16 +169,6 @@ def test_pose_converges_with_first_order_in_the_substep(world_with: WorldWith) -
         assert larger / smaller == pytest.approx(first_order, rel=0.1)  # the second order contributes
 
 
-def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with: WorldWith) -> None:
-    world = world_with(changes=OBEYS_AT_ONCE, boxes={"box": BoxSpec(x=0.5, y=0.0, mass=0.1)})
-    frame = drive(world, 3.0, throttle=1.0)
-    before = float(frame.objects["box"].pose.position[0])
-    assert before > 0.6  # it was pushed
-    v = float(world.compiled.state.qvel[world.compiled.engine.body("box")[2]])  # up to 12 % above that of the car
-    slid = float(drive(world, 1.0).objects["box"].pose.position[0]) - before
-    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.08)
-
-
 def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:
     plate = BoxSpec(x=0.07, y=0.0, z=2.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(changes={**ROLLS_FREELY, **OBEYS_AT_ONCE}, boxes={"plate": plate})

@@ -70,8 +70,10 @@ def test_an_edge_gives_no_energy_to_a_coasting_car(world_with: WorldWith, height
     assert abs(world.frame.vehicles["V1"].speed) < before
 
 
-@pytest.mark.parametrize(("height", "is_climbed"), [(0.008, True), (0.012, False)])
-def test_an_edge_of_a_third_of_the_radius_stops_the_car(world_with: WorldWith, height: float, is_climbed: bool) -> None:
+@pytest.mark.parametrize(("height", "is_climbed"), [(0.008, True), (0.014, False)])
+def test_an_edge_of_two_fifths_of_the_radius_stops_the_car(
+    world_with: WorldWith, height: float, is_climbed: bool
+) -> None:
     world = world_with(boxes={"plate": plate(height)})
     assert (drive(world, 3.0, 1.0).vehicles["V1"].pose.position[0] > 1.0) == is_climbed
 

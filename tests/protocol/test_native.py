@@ -119,7 +119,7 @@ def test_the_cpp_header_of_the_client_is_that_of_the_messages() -> None:
 
 def test_every_array_has_its_extension_in_typescript() -> None:
     text = declarations()
-    assert "{ 1: Float64Array, 2: BigInt64Array, 3: Float32Array, 4: Uint8Array }" in text
+    assert "{ 1: Float64Array, 2: BigInt64Array, 3: Float32Array, 4: Uint8Array, 5: Uint16Array }" in text
     assert "  ranges: Float64Array\n" in text
     assert "  ticks: BigInt64Array\n" in text
 

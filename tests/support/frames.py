@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.protocol.messages import Command, Frame
 from autodrive.world import World
@@ -36,6 +37,17 @@ def bytes_of(value: Any) -> Iterator[bytes]:
         yield struct.pack("<d", value)
     else:
         yield repr(value).encode()
+
+
+def arrays(value: Any) -> list[NDArray[Any]]:
+    """All arrays in a message."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if isinstance(value, msgspec.Struct):
+        value = [getattr(value, field) for field in value.__struct_fields__]
+    if isinstance(value, dict):
+        value = list(value.values())
+    return [array for item in value for array in arrays(item)] if isinstance(value, list | tuple) else []
 
 
 def digest(message: Any) -> str:

@@ -8,7 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, 
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE, car_file
-from tests.support.frames import digest, digests
+from tests.support.frames import arrays, digest, digests
 
 LIMIT = math.radians(30.0)
 STANDING = Command()
@@ -38,17 +37,6 @@ def drive(world: World, ticks: int, **command: Any) -> Frame:
     for _ in range(ticks):
         frame = world.step({"V1": Command(**command)})
     return frame
-
-
-def arrays(value: Any) -> list[np.ndarray]:
-    """All arrays in a message."""
-    if isinstance(value, np.ndarray):
-        return [value]
-    if isinstance(value, msgspec.Struct):
-        value = [getattr(value, field) for field in value.__struct_fields__]
-    if isinstance(value, dict):
-        value = list(value.values())
-    return [array for item in value for array in arrays(item)] if isinstance(value, list | tuple) else []
 
 
 # -- time and Frames ---------------------------------------------------------------------------------------------
@@ -343,6 +331,43 @@ def test_a_held_vehicle_stays_at_its_pose_until_the_hold_ends() -> None:
     assert frame.vehicles["V1"].pose.position[2] == pytest.approx(frame.vehicles["V2"].pose.position[2], abs=0.01)
     with pytest.raises(CommandError, match="V7"):
         world.hold("V7", None)
+
+
+@pytest.mark.parametrize("ticks", [1, 3])
+def test_a_held_vehicle_that_is_moved_reports_its_speed(ticks: int) -> None:
+    """As a co-simulation moves it, on a circle of 2 m at 3 m/s; then it rests."""
+    world = plane(vehicles={"V1": VehiclePlacement()})
+    for tick in range(30):
+        angle = 1.5 * 0.01 * tick
+        if tick % ticks == 0:
+            position = 2.0 * math.sin(angle), 2.0 * (1.0 - math.cos(angle)), 0.5
+            world.hold("V1", position, (math.cos(angle / 2.0), 0.0, 0.0, math.sin(angle / 2.0)))
+        car = world.step().vehicles["V1"]
+        assert car.pose.position.tolist() == pytest.approx(position, abs=0.0)
+        if tick >= ticks:
+            assert car.speed == pytest.approx(3.0, rel=0.002)
+            assert car.angular_velocity.tolist() == pytest.approx([0.0, 0.0, 1.5], abs=1e-6)
+    for _ in range(ticks):
+        car = world.step().vehicles["V1"]
+    assert car.speed == 0.0
+
+
+@pytest.mark.parametrize("goes", ["away", "free"])
+def test_a_box_falls_when_the_held_car_under_it_goes(goes: str) -> None:
+    """What sleeps is woken when a held car comes, moves or goes: the car may have carried it."""
+    boxes = {"box": BoxSpec(x=0.131, y=0.0, z=0.6, mass=0.2), "far": BoxSpec(x=2.0, y=2.0)}
+    world = plane(vehicles={"V1": VehiclePlacement()}, boxes=boxes)
+    world.hold("V1", (0.0, 0.0, 0.3))
+    for _ in range(200):
+        high = world.step().objects["box"].pose.position[2]
+    far = [*boxes].index("far")
+    assert high > 0.35
+    assert world.compiled.state.asleep[far] >= 0.0
+    world.hold("V1", (3.0, 0.0, 0.3) if goes == "away" else None)
+    assert world.compiled.state.asleep[far] < 0.0
+    for _ in range(100):
+        low = world.step().objects["box"].pose.position[2]
+    assert low < high - 0.1
 
 
 def test_the_light_follows_the_time_of_day() -> None:

@@ -5,7 +5,7 @@ export const PROTOCOL = 2
 export const SUBPROTOCOL = 'autodrive.v2'
 
 /** MessagePack extension -> what its bytes are, little-endian. */
-export const ARRAYS = { 1: Float64Array, 2: BigInt64Array, 3: Float32Array, 4: Uint8Array } as const
+export const ARRAYS = { 1: Float64Array, 2: BigInt64Array, 3: Float32Array, 4: Uint8Array, 5: Uint16Array } as const
 
 /**
  * Restore the initial state of the world; `seed` None keeps the seed.
@@ -1284,9 +1284,10 @@ export interface WheelsReading {
  * One image, taken at `time` [s].
  *
  * `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
- * uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
- * shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
- * `autodrive.graphics.assets.asset.Label`.
+ * uint8, shape (height, width, 4), C-contiguous, first row on top, sRGB; alpha is 255. If configured: `depth` [m]
+ * float32, shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+ * `autodrive.graphics.assets.asset.Label`; `instances` uint16, same shape, the number of the object that the pixel
+ * shows, see `World.instances`, 0 for none.
  */
 export interface CameraImage {
   time: number
@@ -1295,6 +1296,7 @@ export interface CameraImage {
   rgba: Uint8Array
   depth: Float32Array | null
   labels: Uint8Array | null
+  instances: Uint16Array | null
 }
 
 /**

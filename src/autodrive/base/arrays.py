@@ -21,11 +21,15 @@ class ArrayShape(NamedTuple):
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
+def read_only(array: AnyArray) -> AnyArray:
+    """Let nobody write to an array any more; returns the array."""
+    array.setflags(write=False)
+    return array
+
+
 def read_only_copy(array: AnyArray) -> AnyArray:
     """A copy of the array that cannot be written to."""
-    copy = array.copy()
-    copy.setflags(write=False)
-    return copy
+    return read_only(array.copy())
 
 
 def element_type(hint: Any) -> type[np.generic] | None:

@@ -46,6 +46,16 @@ def quaternion_from_rotation_vector(v: Vector | Floats) -> Quaternion:
     return cos(0.5 * angle), k * v[0], k * v[1], k * v[2]
 
 
+def rotation_vector(q: Quaternion | Floats) -> Vector:
+    """Axis times angle [rad] of a unit quaternion, at most pi long."""
+    w, x, y, z = (float(value) for value in q)
+    sine = math.sqrt(x * x + y * y + z * z)
+    if sine < 1e-12:
+        return 2.0 * x, 2.0 * y, 2.0 * z
+    angle = 2.0 * atan2(sine, w) if w >= 0.0 else 2.0 * atan2(-sine, -w)
+    return x * angle / sine, y * angle / sine, z * angle / sine
+
+
 @register_jitable
 def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
     """Roll, pitch, yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll): roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2].

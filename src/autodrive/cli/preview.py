@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,11 +23,8 @@ from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLigh
 from autodrive.scenario.kinds import Kind
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
-from autodrive.scenario.maps.solids import BoxPlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
-from autodrive.world.compile import CompiledScenario
-from autodrive.world.factory import compile_scenario
-from autodrive.world.rules.lights import frames_at_start
+from autodrive.world.factory import compile_scenario, world_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,16 +48,15 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
     else:
         if kind == "scenario":
             compiled = compile_scenario(name)
-            map_, scene, state = compiled.map, store.scene_of(compiled), _initial_state(compiled)
+            map_, scene = compiled.map, store.scene_of(compiled)
+            state = RenderState.of(world_of(compiled, cameras=False).frame)
         else:
             map_ = module_alone(name) if kind == "module" else load_map(name)
             scene, state = _map_scene(map_)
         viewpoint = framed(_map_box(map_), -62.0, 38.0)
-    state.header["is_day"] = is_day
     if not is_day:
         state.switch_lamps(NIGHT_LIGHTS)
-        if kind == "vehicle":
-            state.header["time_of_day"] = DUSK
+        state.header["is_day"], state.header["time_of_day"] = False, DUSK if kind == "vehicle" else math.nan
     view = viewpoint.view(2 * SIZE[0], 2 * SIZE[1])
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))
@@ -94,6 +90,7 @@ def _vehicle_scene(spec: VehicleSpec) -> tuple[RenderScene, RenderState]:
     )
     studio = Asset("studio", (AssetNode("floor", surfaces={"full": (floor,)}),))
     state = RenderState.empty(1, 0)
+    state.header["is_day"] = True
     state.vehicles["position"][0] = 0.0, 0.0, spec.ride_height
     state.vehicles["orientation"][0, 0] = 1.0
     return RenderScene(studio, [store.vehicle(spec)], [], [spec.lights]), state
@@ -102,25 +99,10 @@ def _vehicle_scene(spec: VehicleSpec) -> tuple[RenderScene, RenderState]:
 def _map_scene(map_: Map) -> tuple[RenderScene, RenderState]:
     """A map with its boxes, without vehicles."""
     state = RenderState.empty(0, len(map_.boxes))
-    _place_boxes(state, map_.boxes)
-    return RenderScene(store.ground(map_), [], [store.box(box.size) for box in map_.boxes], []), state
-
-
-def _initial_state(compiled: CompiledScenario) -> RenderState:
-    """The initial state of a scenario."""
-    state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
-    places = compiled.spec.vehicles
-    for row, (name, spec) in zip(state.vehicles, compiled.vehicles.items(), strict=True):
-        row["position"] = places[name].x, places[name].y, spec.ride_height
-        row["orientation"] = quaternion_from_yaw(places[name].yaw)
-    _place_boxes(state, compiled.boxes)
-    state.show(frames_at_start(compiled))
-    return state
-
-
-def _place_boxes(state: RenderState, boxes: Sequence[BoxPlacement]) -> None:
-    for row, box in zip(state.objects, boxes, strict=True):
+    state.header["is_day"] = True
+    for row, box in zip(state.objects, map_.boxes, strict=True):
         row["position"], row["orientation"] = box.position, quaternion_from_yaw(box.yaw)
+    return RenderScene(store.ground(map_), [], [store.box(box.size) for box in map_.boxes], []), state
 
 
 def _vehicle_box(spec: VehicleSpec) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ class ExportGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-FormatName: TypeAlias = Literal["csv", "autodrive", "rosbag2", "rosbag1", "rerun", "lerobot", "minari"]
+FormatName: TypeAlias = Literal["csv", "autodrive", "rosbag2", "rosbag1", "rerun", "lerobot", "minari", "coco", "yolo"]
 """Formats of `autodrive export`."""
 OWN_SENSOR = re.compile(r"(?P<vehicle>\w+)/(?P<name>\w+)=(?P<file>.+\.py):(?P<kind>\w+)")
 """The value of an option `--sensor`."""
@@ -71,7 +71,9 @@ def export(
         "File or folder to write.  [default: beside the recording]", None, "--output", "-o", metavar="PATH"
     ),
     vehicle: str = option("Only this vehicle.  [default: all, or the first]", "", metavar="NAME"),
-    rate: float | None = option("Rows in a second.  [default: of the format]", metavar="HZ", min=0.01, max=1e6),
+    rate: float | None = option(
+        "Rows or images in a second.  [default: of the format]", metavar="HZ", min=0.01, max=1e6
+    ),
     start: float | None = option("First time.  [default: the start]", metavar="S"),
     end: float | None = option("Last time.  [default: the end]", metavar="S"),
     force: Force = False,
@@ -79,7 +81,8 @@ def export(
     """Write a recording in a format of another program.
 
     csv: tables of all signals. autodrive: data recorder of AutoDRIVE. rosbag2, rosbag1: bags with the topics of the ROS
-    bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning.
+    bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning. coco, yolo: the images with
+    boxes of their objects, to train detectors.
     """
     from autodrive.recording.exports import FORMATS, default_path
     from autodrive.recording.exports import export as write

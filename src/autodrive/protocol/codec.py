@@ -16,7 +16,7 @@ from autodrive.base.texts import total
 from autodrive.protocol.messages import Event, Frame
 from autodrive.protocol.native import ClientMessage, ServerMessage
 
-CODES = {"<f8": 1, "<i8": 2, "<f4": 3, "|u1": 4}
+CODES = {"<f8": 1, "<i8": 2, "<f4": 3, "|u1": 4, "<u2": 5}
 """Type of the values of an array -> code of the MessagePack extension."""
 
 _TYPES = {code: np.dtype(name) for name, code in CODES.items()}

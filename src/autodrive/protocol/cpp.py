@@ -32,7 +32,7 @@ from autodrive.protocol.messages import (
 
 _MESSAGES = (Command, Weather, Drawing, native.Scan, native.Picture, Frame)
 """Messages that a C++ client sends or reads as structs; all others are JSON."""
-_ELEMENTS = {"<f8": "double", "<i8": "std::int64_t", "<f4": "float", "|u1": "std::uint8_t"}
+_ELEMENTS = {"<f8": "double", "<i8": "std::int64_t", "<f4": "float", "|u1": "std::uint8_t", "<u2": "std::uint16_t"}
 _PLAIN = {
     int: "std::int64_t",
     float: "double",

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import ArrayShape
+from autodrive.base.arrays import ArrayShape, read_only
 from autodrive.base.errors import NoImageError
 from autodrive.base.png import encode_png
 from autodrive.base.suggest import check_keywords
@@ -613,14 +613,27 @@ class CameraIntrinsics(Displayed, frozen=True, gc=False):
     cy: float
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
+    @property
+    def matrix(self) -> Array:
+        """Camera matrix K of OpenCV and ROS, shape (3, 3): the centre of the upper left pixel is at (0, 0) there."""
+        return np.array([[self.fx, 0.0, self.cx - 0.5], [0.0, self.fy, self.cy - 0.5], [0.0, 0.0, 1.0]])
+
+    def resized(self, width: int, height: int) -> CameraIntrinsics:
+        """The intrinsics of the same image in another size [pixels], such as that of a client's picture."""
+        across, down = width / self.width, height / self.height
+        return CameraIntrinsics(
+            width, height, across * self.fx, down * self.fy, across * self.cx, down * self.cy, self.distortion
+        )
+
 
 class CameraImage(Displayed, frozen=True, gc=False):
     """One image, taken at `time` [s].
 
     `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
-    uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
-    shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
-    `autodrive.graphics.assets.asset.Label`.
+    uint8, shape (height, width, 4), C-contiguous, first row on top, sRGB; alpha is 255. If configured: `depth` [m]
+    float32, shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+    `autodrive.graphics.assets.asset.Label`; `instances` uint16, same shape, the number of the object that the pixel
+    shows, see `World.instances`, 0 for none.
     """
 
     time: float
@@ -629,11 +642,13 @@ class CameraImage(Displayed, frozen=True, gc=False):
     rgba: NDArray[np.uint8]
     depth: NDArray[np.float32] | None = None
     labels: NDArray[np.uint8] | None = None
+    instances: NDArray[np.uint16] | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """The image without alpha, shape (height, width, 3); a view, not a copy."""
-        return self.rgba[..., :3]
+        """The image without alpha, shape (height, width, 3), C-contiguous as OpenCV needs it; a new array each time."""
+        channels = [self.rgba[..., channel] for channel in range(3)]  # five times as fast as a copy of the slice
+        return read_only(np.stack(channels, axis=2))
 
     def _repr_html_(self) -> None:
         """Nothing, so that a notebook shows the image."""

@@ -20,7 +20,13 @@ from autodrive.protocol.languages import Language
 from autodrive.protocol.messages import Command, Event, MapPart
 from autodrive.protocol.weather import PRESETS
 
-_ARRAYS = {"<f8": "Float64Array", "<i8": "BigInt64Array", "<f4": "Float32Array", "|u1": "Uint8Array"}
+_ARRAYS = {
+    "<f8": "Float64Array",
+    "<i8": "BigInt64Array",
+    "<f4": "Float32Array",
+    "|u1": "Uint8Array",
+    "<u2": "Uint16Array",
+}
 _PLAIN = {
     int: "number",
     float: "number",

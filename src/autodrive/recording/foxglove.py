@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
+import numpy as np
 
 from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, Draw, Drawing, LidarScan, Pose
 from autodrive.recording import wire
@@ -272,9 +273,9 @@ def calibration(intrinsics: CameraIntrinsics, time: int, frame_id: str) -> Camer
         height=intrinsics.height,
         distortion_model="plumb_bob",
         D=list(intrinsics.distortion),
-        K=[intrinsics.fx, 0.0, intrinsics.cx, 0.0, intrinsics.fy, intrinsics.cy, 0.0, 0.0, 1.0],
+        K=intrinsics.matrix.ravel().tolist(),
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        P=[intrinsics.fx, 0.0, intrinsics.cx, 0.0, 0.0, intrinsics.fy, intrinsics.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        P=(intrinsics.matrix @ np.eye(3, 4)).ravel().tolist(),
         frame_id=frame_id,
     )
 

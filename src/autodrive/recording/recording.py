@@ -17,6 +17,7 @@ import simplejpeg
 import yaml
 from numpy.typing import NDArray
 
+from autodrive.base.arrays import read_only
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
 from autodrive.base.suggest import ByName
@@ -595,7 +596,7 @@ def decoded(picture: Picture) -> CameraImage:
         rgba = simplejpeg.decode_jpeg(picture.jpeg, colorspace="RGBA")
     except ValueError as error:
         raise RecordingError(f"a picture of camera '{picture.camera}' is damaged: {error}") from None
-    return CameraImage(picture.time, picture.pose, picture.intrinsics, rgba)
+    return CameraImage(picture.time, picture.pose, picture.intrinsics, read_only(rgba))
 
 
 def _nanoseconds(time: float) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from autodrive.base.arrays import read_only
 from autodrive.base.texts import total
 from autodrive.base.yaml_files import MAX_BYTES
 from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
@@ -139,7 +140,7 @@ def _plain(value: Any) -> Any:
 
 def _typed(kind: type, value: Any) -> Any:
     """An array from a list."""
-    return np.array(value, np.float64)
+    return read_only(np.array(value, np.float64))
 
 
 encode_json = total(msgspec.json.Encoder(enc_hook=_plain).encode)

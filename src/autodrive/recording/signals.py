@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.arrays import read_only
 from autodrive.base.suggest import suggest
 from autodrive.protocol.channels import SIGNALS, OwnSignal, Signal
 from autodrive.recording import mcap, records, wire
@@ -78,7 +79,7 @@ class Signals(Mapping[str, NDArray[Any]]):
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Raises `RecordingError` for a name that is not known."""
         if name not in self._cache:
-            self._cache[name] = self._read(name)
+            self._cache[name] = read_only(self._read(name))
         return self._cache[name]
 
     def times(self, name: str) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError
 
-from autodrive.base.arrays import element_type
+from autodrive.base.arrays import element_type, read_only
 from autodrive.base.texts import with_encodable_texts
 from autodrive.recording.errors import RecordingError
 
@@ -347,7 +347,7 @@ def _array(field: Callable[..., Field], name: str, dtype: np.dtype[Any]) -> Fiel
     return field(
         type_,
         lambda message, value: getattr(message, name).extend(value.tolist()),
-        lambda message: np.array(getattr(message, name), dtype),
+        lambda message: read_only(np.array(getattr(message, name), dtype)),
         is_repeated=True,
     )
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only, read_only_copy
 from autodrive.base.suggest import ByName
 from autodrive.base.units import RPM
 from autodrive.physics.actuators.lights import lit_lamps
@@ -31,6 +32,14 @@ from autodrive.world.controls import VehicleControls
 
 REVERSE_SPEED = -0.05 * RPM
 """The reverse lights are on while the rear wheels turn slower than this [rad/s]."""
+
+
+def braking_and_reversing(throttle: Any, rear_spin: Any, is_braking: Any) -> tuple[Any, Any]:
+    """Whether the brake lights and the reverse lights are on, of one vehicle or of arrays of them.
+
+    `rear_spin`: mean of the rear wheels [rad/s]; `is_braking`: whether a driver of the traffic brakes.
+    """
+    return (throttle == 0.0) | is_braking, (throttle < 0.0) | (rear_spin < REVERSE_SPEED)
 
 
 class FrameBuilder:
@@ -103,8 +112,7 @@ class FrameBuilder:
         race: RaceState | None,
         heard: V2xReading | None,
     ) -> VehicleFrame:
-        values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
-        values.setflags(write=False)
+        values = read_only(self._numbers[self._places[i]])  # one copy: many small ones take longer than all the rest
         throttle, steering, *rear_spins = values[SCALARS].tolist()
         position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
         return VehicleFrame(
@@ -134,8 +142,7 @@ class FrameBuilder:
     ) -> Lights:
         """The lamps of vehicle i; `rear_spins`: angular velocities of its rear wheels [rad/s]."""
         left, right = rear_spins
-        is_reversing = throttle < 0.0 or 0.5 * (left + right) < REVERSE_SPEED
-        is_braking = throttle == 0.0 or controls.is_braking
+        is_braking, is_reversing = braking_and_reversing(throttle, 0.5 * (left + right), controls.is_braking)
         blinks = (tick - controls.indicators_since) * self._tick_duration / self._blink_periods[i]
         key = controls.headlights, controls.indicators, blinks % 1.0 >= 0.5, is_braking, is_reversing
         before, lights = self._lights[i]

@@ -6,17 +6,38 @@ import contextlib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
+from autodrive.base.transforms import (
+    Quaternion,
+    Vector,
+    compose,
+    euler_from_quaternion,
+    inverse,
+    quaternion_from_yaw,
+    rotation_vector,
+)
+from autodrive.physics.engine import AWAKE
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
+
+
+class Held(NamedTuple):
+    """A vehicle that is held, and how it moved to where it is held."""
+
+    pose: tuple[float, ...]
+    velocity: tuple[float, ...]
+    """As in `State.qvel`, shape (6,): from the pose before to this one, in the time in which that one was held."""
+    moves_for: int
+    """The vehicle has this velocity for so many ticks."""
+    age: int
+    """Number of ticks for which it has been held at this pose."""
 
 
 class Poses:
@@ -27,8 +48,8 @@ class Poses:
         self._controls = controls
         self.initial: Floats = compiled.engine.start
         """`State.qpos` after a reset."""
-        self.held: dict[str, tuple[float, ...]] = {}
-        """The vehicles that are held, with their poses."""
+        self.held: dict[str, Held] = {}
+        """The vehicles that are held."""
         heights = {box.name: 0.5 * box.size[2] for box in compiled.boxes}
         self._heights = heights | {name: vehicle.ride_height for name, vehicle in compiled.vehicles.items()}
         """Height of the origin of each vehicle and object that stands on the ground [m], by name."""
@@ -144,33 +165,45 @@ class Poses:
         return False
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
-        """Hold a vehicle at rest at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""
+        """Hold a vehicle at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""
+        c, before = self._compiled, self.held.get(vehicle)
         self._controls.index(vehicle)
         if position is None:
-            self.held.pop(vehicle, None)
+            if self.held.pop(vehicle, None):
+                c.state.asleep[:] = AWAKE
             return
         try:
             pose = self._checked(vehicle, [*position, *orientation])
         except (CommandError, TypeError):
             raise CommandError(f"vehicle '{vehicle}' cannot be held at {position}, {orientation}: not a pose") from None
-        self.held[vehicle] = tuple(pose.tolist())
+        velocity, ticks = np.zeros(6), 0
+        if before is not None:
+            ticks = max(1, before.age)
+            seconds = ticks * c.spec.tick
+            velocity[:3] = (pose[:3] - before.pose[:3]) / seconds
+            turn = compose(inverse(before.pose[3:]), tuple(pose[3:].tolist()))
+            velocity[3:] = np.divide(rotation_vector(turn), seconds)
+        if before is None or velocity.any():
+            c.state.asleep[:] = AWAKE  # what stands on the vehicle loses its support
+        self.held[vehicle] = Held(tuple(pose.tolist()), tuple(velocity.tolist()), ticks, age=0)
 
-    def save(self) -> dict[str, tuple[float, ...]]:
+    def save(self) -> dict[str, Held]:
         """The vehicles that are held, for `restore`."""
         return dict(self.held)
 
-    def restore(self, saved: Mapping[str, tuple[float, ...]]) -> None:
+    def restore(self, saved: Mapping[str, Held]) -> None:
         """Hold the vehicles that `save` returned."""
         self.held = dict(saved)
 
     def apply_held(self) -> None:
-        """Put the vehicles that are held back to their poses, at rest."""
+        """Put the vehicles that are held back to their poses."""
         c = self._compiled
-        for vehicle, pose in self.held.items():
+        for vehicle, held in self.held.items():
             row = c.model.vehicles[self._controls.index(vehicle)]
             qpos, dof = int(row["qpos"]), int(row["dof"])
-            c.state.qpos[qpos : qpos + 7] = pose
-            c.state.qvel[dof : dof + 6] = 0.0
+            c.state.qpos[qpos : qpos + 7] = held.pose
+            c.state.qvel[dof : dof + 6] = held.velocity if held.age < held.moves_for else 0.0
+            self.held[vehicle] = held._replace(age=held.age + 1)
         observe(c.model, c.state)
 
     def _check_is_free(self, name: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, Integers
+from autodrive.base.arrays import Floats, Integers, read_only
 from autodrive.physics.sensors.catalog import NUMBERS, VALUES
 from autodrive.physics.sensors.imu import PARTS
 from autodrive.world.columns import Worlds
@@ -173,10 +173,8 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         sensor_times=r.time,
         sensor_values=r.values,
     )
-    return Readings(*map(_read_only, readings))
+    return Readings(*map(_read_only_view, readings))
 
 
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    view = array.view()
-    view.flags.writeable = False
-    return view
+def _read_only_view(array: NDArray[Any]) -> NDArray[Any]:
+    return read_only(array.view())

@@ -128,7 +128,7 @@ class Row:
         """Let the traffic switch its lamps."""
         if self._has_traffic:
             drivers, is_day = self.rules.traffic, light.at(time)[0]
-            switch_lamps(self.rows.rules.traffic, drivers, self._controls.vehicles, self.tick, is_day=is_day)
+            switch_lamps(self.rows.rules.traffic, drivers, self._controls.vehicles, is_day=is_day)
 
     def move(self) -> bool:
         """Move the bodies by a tick; False if the physics has diverged."""

@@ -14,6 +14,7 @@ from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.transforms import Quaternion, Vector
 from autodrive.graphics.cameras.backend import NoCameras
+from autodrive.graphics.meshes.instances import Instance, instances_of
 from autodrive.physics.sensors.columns import SensorTables
 from autodrive.physics.sensors.own import OwnSensor, problem
 from autodrive.physics.state import VehicleView
@@ -145,6 +146,11 @@ class World(OneThread):
     def vehicle_specs(self) -> dict[str, VehicleSpec]:
         """Specs of the vehicles by name, with the factors of `set_factors`."""
         return self.conditions.vehicles
+
+    @property
+    def instances(self) -> tuple[Instance, ...]:
+        """The objects with the instance numbers 1, 2, ... in the images of cameras: those of the map first."""
+        return instances_of(self.map, self.vehicle_names, self.boxes)
 
     # -- the tick ------------------------------------------------------------------------------------------------
 
@@ -310,8 +316,10 @@ class World(OneThread):
         return self.poses.get(name)
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)) -> None:
-        """Hold a vehicle at rest at a pose (position [m], quaternion wxyz of any length), from the next tick on.
+        """Hold a vehicle at a pose (position [m], quaternion wxyz of any length), from the next tick on.
 
+        The vehicle is at rest there. A vehicle that was held somewhere else before reports the velocity from there, for
+        as long as it was held there: a co-simulation that moves it in every tick, or in every third, sees it move.
         None ends the hold. Raises `CommandError` for values that are not a pose.
         """
         self.apply(Hold(vehicle, position, orientation))

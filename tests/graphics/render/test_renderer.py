@@ -58,6 +58,10 @@ def shown(renderer: Renderer, state: RenderState, look: View) -> np.ndarray:
     return renderer.draw(state, [look])[0].rgba[..., :3].astype(float) @ LUMINANCE
 
 
+DEPTH_ERROR = 1e-5
+"""Relative: corners in clip space are float32, with a rounding of 6e-8, times ten for the pixels between them."""
+
+
 def on_floor(seen: np.ndarray, x: float, y: float) -> float:
     """Of an image of `DOWN`, at a place of the map."""
     k = DOWN.intrinsics
@@ -119,16 +123,29 @@ def test_depth_of_every_pixel_is_the_analytic_distance() -> None:
     height = 0.15 + to_wall * d[..., 2]
     to_wall[(height < 0) | (height > 1.0)] = np.inf
     expected = np.minimum(to_floor, to_wall)
-    # a depth buffer of 24 bits, near 0.01 m: z^2 / (near 2^24); pixels on an edge may show either side
+    # pixels on an edge may show either side
     inner = np.isfinite(expected) & (expected < 6.0) & (np.abs(to_floor - to_wall) > 0.15)
-    resolution = expected[inner] ** 2 / (0.01 * 2**24)
-    assert np.all(np.abs(picture.depth[inner] - expected[inner]) < 4.0 * resolution + 2e-5)
+    np.testing.assert_allclose(picture.depth[inner], expected[inner], rtol=DEPTH_ERROR)
     assert inner.sum() > 40_000
     sky = ~np.isfinite(expected)
     assert np.all(np.isinf(picture.depth[sky]))
     assert np.all(picture.labels[sky] == Label.NOTHING)
     assert np.all(picture.labels[inner & (to_floor < to_wall)] == Label.ROAD)
     assert np.all(picture.labels[inner & (to_wall < to_floor)] == Label.WALL)
+
+
+@pytest.mark.parametrize("distance", [20.0, 95.0, 900.0])
+def test_depth_is_as_exact_far_away(distance: float) -> None:
+    """A wall across the x axis, whose near clipping distance is 1 cm: a buffer of 24 bits knows 95 m to 5 cm."""
+    wall = box((distance + 0.1, 0.0, 0.0), (0.2, 4000.0, 2000.0), GREY, Label.WALL)
+    look = view(0.0, 0.0, 0.15, yaw_deg=15.0, pitch_deg=-20.0, own=pinhole(96, 72, 41.669))
+    with Renderer(scene(node("wall", wall))) as renderer:
+        picture = renderer.draw(render_state(), [look], depth=True)[0]
+    ahead = rays(look.intrinsics) @ rigid(look.position, look.orientation)[:3, :3].T
+    assert picture.depth is not None
+    is_near = distance / ahead[..., 0] < 0.99 * look.far
+    assert is_near.sum() > 1500
+    np.testing.assert_allclose(picture.depth[is_near], distance / ahead[is_near][:, 0], rtol=DEPTH_ERROR)
 
 
 @pytest.mark.parametrize("quality", QUALITIES)

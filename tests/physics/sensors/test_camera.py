@@ -58,6 +58,13 @@ def test_fit_sensor_uses_width_and_height_of_the_sensor() -> None:
     assert k.fy == pytest.approx(480 * 3.6 / 2.74)
 
 
+def test_the_matrix_of_a_resized_image_is_that_of_the_same_camera_with_that_size() -> None:
+    full = spec(width=640, height=480).intrinsics
+    assert full.resized(320, 240) == spec(width=320, height=240).intrinsics
+    # the middle of an image of 320 pixels is between those with the numbers 159 and 160
+    np.testing.assert_array_equal(full.resized(320, 240).matrix[:, 2], [159.5, 119.5, 1.0])
+
+
 # -- pose -------------------------------------------------------------------------------------------------------
 
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -174,6 +176,20 @@ def test_a_bag_is_read_by_rosbags(lap: Recording, tmp_path: Path, form: str) -> 
     truth = last[f"{root}/ground_truth/odom"][1].pose.pose.position
     assert truth.x == pytest.approx(lap["V1/pose/position"][-1, 0], abs=0.1)  # the last state is at most 1/30 s old
     assert last["/tf"][1].transforms
+
+
+def test_a_camera_has_one_matrix_in_recordings_bags_and_images(lap: Recording, tmp_path: Path) -> None:
+    """In OpenCV, pixels are counted from 0 at their centres: the middle of 640 x 480 pixels is 319.5, 239.5."""
+    with lap.path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[ProtobufDecoder()])
+        recorded = next(reader.iter_decoded_messages(["/V1/cameras/front/calibration"])).decoded_message
+    messages = messages_of(export(lap, "rosbag2", tmp_path / "lap"), "rosbag2")
+    _, info = messages["/autodrive/nigel_1/front_camera/camera_info"][0]
+    matrix = lap.frame_at(1.0).vehicles["V1"].cameras["front"].intrinsics.matrix
+    np.testing.assert_array_equal(matrix[:, 2], [319.5, 239.5, 1.0])
+    np.testing.assert_array_equal(recorded.K, matrix.ravel())
+    np.testing.assert_array_equal(info.k, matrix.ravel())
+    np.testing.assert_array_equal(recorded.P, info.p)
 
 
 def test_our_messages_in_bags_are_those_of_the_ros_packages() -> None:

@@ -16,12 +16,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import autodrive
-from autodrive import Command
+from autodrive import Command, ScenarioSpec
 from autodrive.recording import Moment, Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording
 from autodrive.recording.exports import export
 from autodrive.recording.exports.learning import ACTION, STATE, steps
 from autodrive.recording.exports.options import ExportOptions
+from autodrive.scenario import VehiclePlacement
+from tests.support.cars import car_file, small_images
 
 
 def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
@@ -57,6 +59,26 @@ def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
     assert (np.shape(of_front["std"]), of_front["count"]) == ((3, 1, 1), [21])
     image = lap.frame_at(1.0).vehicles["V1"].cameras["front"].rgb
     assert np.abs(frames[-1].astype(int) - image.astype(int)).mean() < 8.0  # of 255: the video is compressed again
+
+
+def test_videos_of_lerobot_have_the_colours_and_the_size_that_the_dataset_says(tmp_path: Path) -> None:
+    """A camera whose images have an odd width: the video, the dataset and the container agree on the padded size."""
+    vehicles = {"V1": VehiclePlacement(type=car_file(tmp_path, small_images(79, 60)))}
+    world = autodrive.make(ScenarioSpec(map="plane", vehicles=vehicles), cameras="small")
+    with Recorder(tmp_path / "odd.mcap", world, has_meshes=False):
+        for _ in range(8):
+            world.step()
+    image = world.frame.vehicles["V1"].cameras["front"].rgb
+    with open_recording(tmp_path / "odd.mcap") as recording:
+        folder = export(recording, "lerobot", tmp_path / "odd")
+    info = json.loads((folder / "meta/info.json").read_text())
+    feature = info["features"]["observation.images.front"]
+    assert (feature["shape"], feature["info"]["video.width"], image.shape) == ([60, 80, 3], 80, (60, 79, 3))
+    with av.open(str(folder / "videos/observation.images.front/chunk-000/file-000.mp4")) as container:
+        frame = next(container.decode(video=0))
+    assert (frame.width, frame.height, frame.colorspace, frame.color_range) == (80, 60, 1, 1)
+    decoded = frame.to_ndarray(format="rgb24")[:, :79].astype(float)
+    np.testing.assert_allclose(decoded.mean(axis=(0, 1)), image.mean(axis=(0, 1)), atol=2.0)
 
 
 class WithGap(ExportOptions):

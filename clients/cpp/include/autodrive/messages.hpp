@@ -192,9 +192,10 @@ struct WheelsReading {
 /// One image, taken at `time` [s].
 ///
 /// `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
-/// uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
-/// shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
-/// `autodrive.graphics.assets.asset.Label`.
+/// uint8, shape (height, width, 4), C-contiguous, first row on top, sRGB; alpha is 255. If configured: `depth` [m]
+/// float32, shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+/// `autodrive.graphics.assets.asset.Label`; `instances` uint16, same shape, the number of the object that the pixel
+/// shows, see `World.instances`, 0 for none.
 struct CameraImage {
     double time = 0.0;
     Pose pose;
@@ -202,6 +203,7 @@ struct CameraImage {
     std::vector<std::uint8_t> rgba;
     std::optional<std::vector<float>> depth;
     std::optional<std::vector<std::uint8_t>> labels;
+    std::optional<std::vector<std::uint16_t>> instances;
 };
 
 /// Distance to the nearest object in the cone of a range sensor around the x axis of the sensor.
@@ -544,6 +546,8 @@ template <>
 inline constexpr int array_code<float> = 3;
 template <>
 inline constexpr int array_code<std::uint8_t> = 4;
+template <>
+inline constexpr int array_code<std::uint16_t> = 5;
 
 // Calls visit(name, value, is_required) for each field of a message.
 template <typename Visit>
@@ -673,6 +677,7 @@ void visit_fields(CameraImage& m, Visit visit) {
     visit("rgba", m.rgba, true);
     visit("depth", m.depth, false);
     visit("labels", m.labels, false);
+    visit("instances", m.instances, false);
 }
 
 template <typename Visit>

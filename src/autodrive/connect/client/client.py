@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.arrays import read_only
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
@@ -486,9 +487,7 @@ def _decoded(jpeg: bytes) -> NDArray[np.uint8]:
         import simplejpeg  # noqa: PLC0415  needed only for decoded pictures
     except ImportError:
         raise AutodriveError("decoding pictures requires simplejpeg: pip install simplejpeg") from None
-    image = simplejpeg.decode_jpeg(jpeg)
-    image.setflags(write=False)
-    return image
+    return read_only(simplejpeg.decode_jpeg(jpeg))
 
 
 def _number(name: str, value: float) -> float:

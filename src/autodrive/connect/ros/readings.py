@@ -215,17 +215,16 @@ def compressed_image(stamp: Time, frame_id: str, jpeg: bytes) -> Message:
 
 
 def camera_info(stamp: Time, frame_id: str, pinhole: CameraIntrinsics) -> Message:
-    """A sensor_msgs/CameraInfo. In ROS, the centre of the upper left pixel is (0, 0); in `pinhole`, its corner."""
-    fx, fy, cx, cy = pinhole.fx, pinhole.fy, pinhole.cx - 0.5, pinhole.cy - 0.5
+    """A sensor_msgs/CameraInfo."""
     fields = {
         "header": header(stamp, frame_id),
         "height": pinhole.height,
         "width": pinhole.width,
         "distortion_model": "plumb_bob",
         "d": np.array(pinhole.distortion, dtype=np.float64),
-        "k": np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        "k": pinhole.matrix.ravel(),
         "r": np.eye(3).ravel(),
-        "p": np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        "p": (pinhole.matrix @ np.eye(3, 4)).ravel(),
     }
     return Message("sensor_msgs/CameraInfo", fields)
 

@@ -19,7 +19,7 @@ from autodrive.base.suggest import check_keywords
 from autodrive.experiments.envs.conditions import WEATHER, Conditions, checked_conditions, whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.remade import Remade
-from autodrive.experiments.envs.rendered_world import batch_camera
+from autodrive.experiments.envs.rendered_world import batch_camera, check_cameras
 from autodrive.experiments.envs.settings import (
     ALL,
     MOST_ENVS,
@@ -99,7 +99,10 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
             raise SpecError(
                 [f"render_mode {mode!r}: a vector environment draws no images for people; use gymnasium.make"]
             )
-        return BatchWorld(self.task.scenario, count, threads=threads)
+        batch = BatchWorld(self.task.scenario, count, threads=threads)
+        if self._has_camera:
+            check_cameras(batch.compiled, batch.commanded_names, must_be_ideal=True)
+        return batch
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -166,13 +169,13 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
     def close_extras(self, **_: Any) -> None:
         """End the threads of the batch, and free the renderer."""
         self.batch.close()
-        if self._has_camera and "_camera" in vars(self):
-            self._camera.close()
+        for camera in self._cameras if "_cameras" in vars(self) else ():
+            camera.close()
 
     @cached_property
-    def _camera(self) -> BatchCamera:
-        """The cameras of all worlds. As late as possible: see `RenderedWorld.world`."""
-        return batch_camera(self.task.scenario)
+    def _cameras(self) -> list[BatchCamera]:
+        """The cameras of each car of all worlds. As late as possible: see `RenderedWorld.world`."""
+        return [batch_camera(self.batch.compiled, vehicle) for vehicle in self.batch.commanded_names]
 
     def _observations(self) -> Any:
         numbers = self._episodes.numbers()
@@ -182,7 +185,9 @@ class DrivingVectorEnv(Remade, VectorEnv[Any, Any, Any]):
 
     def _images(self) -> NDArray[np.uint8]:
         """Images of the front cameras, shape (num_envs, height, width, 3)."""
-        return self._camera.render(self.batch.readings, weather=self.batch.weathers)
+        pictures = self.batch.pictures()
+        images = [camera.render(pictures) for camera in self._cameras]
+        return np.stack(images, axis=1).reshape(self.num_envs, *images[0].shape[1:])
 
     def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the environments, shape (num_envs, ...), as those of worlds and cars, shape (worlds, cars, ...)."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.errors import CommandError, EngineError
+from autodrive.base.errors import CommandError, EngineError, SpecError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, EnvSettings
 from autodrive.protocol.messages import Command, Weather
 from autodrive.world.factory import compile_scenario, world_of
@@ -42,12 +42,27 @@ QUALITY = "small"
 """Quality of the images of the observation 'camera'."""
 
 
-def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
-    """The cameras of the observation 'camera', of the first car of many worlds."""
+def check_cameras(compiled: CompiledScenario, vehicles: Sequence[str], *, must_be_ideal: bool = False) -> None:
+    """Raises `SpecError` if a camera of the observation 'camera' is missing, or not ideal although it must be."""
+    errors: list[str] = []
+    for vehicle in vehicles:
+        camera = compiled.cameras[vehicle].get(CAMERA)
+        if camera is None:
+            errors.append(f"observation: 'camera' needs a camera '{CAMERA}' that is on; vehicle '{vehicle}' has none")
+        elif must_be_ideal and not camera.imperfections.is_none:
+            errors.append(
+                f"observation: a vector environment draws ideal images only; let camera '{CAMERA}' of vehicle "
+                f"'{vehicle}' have noise 'ideal', or use gymnasium.make"
+            )
+    if errors:
+        raise SpecError(errors)
+
+
+def batch_camera(compiled: CompiledScenario, vehicle: str) -> BatchCamera:
+    """The cameras of the observation 'camera', of that car of many worlds."""
     from autodrive.world.views.batch_camera import BatchCamera  # noqa: PLC0415
 
-    vehicle = next(iter(scenario.vehicles))
-    return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
+    return BatchCamera(compiled, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
 
 
 class RenderedWorld:
@@ -79,6 +94,8 @@ class RenderedWorld:
         self.commanded_names = [name for name in self._compiled.vehicles if name not in traffic]
         """The vehicles that obey commands."""
         self._is_closed = False
+        if has_camera:
+            check_cameras(self._compiled, self.commanded_names)
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
         self._open = ExitStack()
@@ -175,7 +192,8 @@ class RenderedWorld:
         rate = (1.0 + 1e-9) / self.step_duration  # a little more: rounded down, it would be a tick too late
         changed = {"width": IMAGE_WIDTH, "height": IMAGE_HEIGHT, "rate": rate}
         cameras = {
-            vehicle: {CAMERA: specs[CAMERA].model_copy(update=changed)} for vehicle, specs in compiled.cameras.items()
+            vehicle: {CAMERA: specs[CAMERA].model_copy(update=changed)} if vehicle in self.commanded_names else {}
+            for vehicle, specs in compiled.cameras.items()
         }
         return TickCameras(camera_rig(replace(compiled, cameras=cameras), QUALITY))
 

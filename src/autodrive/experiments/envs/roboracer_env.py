@@ -140,8 +140,8 @@ class RoboRacerEnv(SingleEnv):
         from autodrive.world.views.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted
 
         if self._camera is None:
-            self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)
-        return np.array(self._camera.render(self.vector.batch.readings, weather=self.vector.batch.weathers)[0])
+            self._camera = BatchCamera(self.vector.batch.compiled, "V1", "front", size=IMAGE_SIZE)
+        return self._camera.render(self.vector.batch.pictures())[0]
 
     def close(self) -> None:
         """End the threads, and free the renderers."""

@@ -174,11 +174,4 @@ class ProcessCameras:
             self._draw_times.append(drawn.seconds)
             if epoch == self._epoch:
                 names = [self._names[number] for number in due]
-                self._images = {**self._images, **dict(zip(names, map(_read_only, drawn.answer), strict=True))}
-
-
-def _read_only(image: CameraImage) -> CameraImage:
-    for array in (image.pose.position, image.pose.orientation, image.rgba, image.depth, image.labels):
-        if array is not None:
-            array.setflags(write=False)
-    return image
+                self._images = {**self._images, **dict(zip(names, drawn.answer, strict=True))}

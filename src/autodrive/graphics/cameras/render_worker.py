@@ -121,7 +121,7 @@ def _drawn(rig: CameraRig, requests: Iterator[RenderRequest]) -> Iterator[Ready 
     try:
         yield Ready(drawing.renderer.name)
         for data, target in requests:
-            state = RenderState.from_buffer(data, len(rig.contents.vehicles), len(rig.contents.boxes))
+            state = RenderState.from_buffer(data, len(rig.contents.vehicles))
             start = time.perf_counter()
             if isinstance(target, Jpeg):
                 answer: Any = _jpeg(drawing.renderer, state, target)

@@ -65,10 +65,9 @@ class CameraArray:
         self.cameras = [
             Camera(slot.spec, vehicle=slot.vehicle, name=slot.camera, substep=rig.substep) for slot in rig.slots
         ]
-        self._extras = {
-            "depth": any(slot.spec.depth for slot in rig.slots),
-            "labels": any(slot.spec.labels for slot in rig.slots),
-        }
+        self._depth = any(slot.spec.depth for slot in rig.slots)
+        self._labels = any(slot.spec.labels for slot in rig.slots)
+        self._instances = any(slot.spec.instances for slot in rig.slots)
 
     def reset(self, seed: int) -> None:
         """Restart schedules and image noise; noise follows from `seed`."""
@@ -86,7 +85,8 @@ class CameraArray:
         rows = [state.vehicles[self._rig.slots[number].row] for number in numbers]
         views = [self.cameras[number].views(row, state.time) for number, row in zip(numbers, rows, strict=True)]
         all_views = [view for own in views for view in own]
-        rendered = iter(renderer.draw(state, all_views, depth=self._extras["depth"], labels=self._extras["labels"]))
+        images = renderer.draw(state, all_views, depth=self._depth, labels=self._labels, instances=self._instances)
+        rendered = iter(images)
         return [
             self.cameras[number].image_from([next(rendered) for _ in own], row, now)
             for number, own, row in zip(numbers, views, rows, strict=True)

@@ -23,7 +23,6 @@ from autodrive.graphics.cameras.viewpoints import (
 )
 from autodrive.physics.sensors.camera.camera import world_from_camera
 from autodrive.physics.sensors.camera.view import View
-from autodrive.protocol.messages import CameraIntrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -80,13 +79,11 @@ def check_sensor(view: ViewSensor, slots: Sequence[CameraSlot]) -> CameraSlot:
 
 def sensor_view(view: ViewSensor, slot: CameraSlot, frame: Frame) -> View:
     """What that camera sees in that Frame, without the distortion of its lens."""
-    spec, full = slot.spec, slot.spec.intrinsics
+    spec = slot.spec
     width = min(view.width, spec.width)
-    share = width / spec.width
-    height = max(1, round(share * spec.height))
-    pinhole = CameraIntrinsics(width, height, share * full.fx, share * full.fy, share * full.cx, share * full.cy)
+    height = max(1, round(width / spec.width * spec.height))
     place = world_from_camera(*_place(frame.vehicles[slot.vehicle].pose), spec.mount)
-    return View(*place, pinhole, spec.near, spec.far)
+    return View(*place, spec.intrinsics.resized(width, height), spec.near, spec.far)
 
 
 def image_size(width: int) -> tuple[int, int]:

@@ -20,6 +20,7 @@ from autodrive.base.cache import cache_folder, read_cached, write_cached
 from autodrive.graphics.assets.asset import Asset
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.assets.packed import pack, unpack
+from autodrive.graphics.meshes.instances import map_instances
 from autodrive.graphics.meshes.vehicle_paint import painted
 from autodrive.graphics.render.scene import RenderScene
 
@@ -73,6 +74,7 @@ def scene_of(world: Drawable) -> RenderScene:
         vehicles=[car(number, spec) for number, spec in enumerate(world.vehicles.values())],
         objects=[shared("box", box.size) for box in world.boxes],
         lights=[spec.lights for spec in world.vehicles.values()],
+        map_objects=[instance.name for instance in map_instances(world.map)],
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,6 +16,7 @@ from autodrive.graphics.render.draw_list import (
     NO_LAMP,
     OUTLINE,
     Illumination,
+    Slots,
     best,
     filled,
     shadow_distances,
@@ -25,10 +25,10 @@ from autodrive.graphics.render.fxaa import smoothed
 from autodrive.graphics.render.gl import current
 from autodrive.graphics.render.lighting import lights_view, reach, strength
 from autodrive.graphics.render.parts import in_sight, sight_planes
-from autodrive.graphics.render.render_state import VEHICLE
+from autodrive.graphics.render.render_state import VEHICLE, RenderState
 from autodrive.graphics.render.renderer import IndexRange, Renderer, clip_from_optical
 from autodrive.graphics.render.scene import LEVEL, rigid, rigid_all, signals_of
-from autodrive.graphics.render.shadows import BEAMS, BONES, DIM
+from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, DIM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,22 +44,22 @@ PART = 32
 """States that are prepared together."""
 RING = 8
 """Images in flight: llvmpipe draws them while the next ones are prepared."""
-CASTERS, LAMPS = 4, 8
-"""Number of vehicles whose shadows an image shows, and of its lamps besides headlights."""
 SLACK = 0.05
 """How far the joints of a vehicle can move its parts [m], with a margin."""
 STEP = 0.02
 """A vehicle dims ground that is so much higher than the road [m]."""
 
-Piece: TypeAlias = tuple[bool, IndexRange]
-"""Triangles, and whether vehicles cast shadows on them."""
+Lit: TypeAlias = dict[int, Illumination]
+"""Light and shadow on ranges of the static mesh, vehicles and objects, by their numbers in this order."""
 
 
 class PreparedStates(NamedTuple):
     """Some states, prepared for drawing: m states, v vehicles, o objects, r ranges of the static mesh."""
 
-    vehicles: np.ndarray
-    """Shape (m, v), dtype `render_state.VEHICLE`."""
+    worlds: Sequence[RenderState]
+    """Each state."""
+    views: Sequence[View]
+    """The camera in each state."""
     roots: Floats
     """Poses of the vehicles, shape (m, v, 4, 4)."""
     places: Floats
@@ -76,6 +76,13 @@ class PreparedStates(NamedTuple):
     """Centres of vehicles and objects [m], shape (m, v + o, 3)."""
     near: NDArray[np.intp]
     """Vehicles, the nearest to the camera first, shape (m, v)."""
+    low: Floats
+    """Lowest corners of ranges, vehicles and objects [m], shape (m, r + v + o, 3)."""
+    high: Floats
+    """Highest corners of ranges, vehicles and objects [m], shape (m, r + v + o, 3)."""
+    to_shadow: Floats
+    """Distances from ranges, vehicles and objects to the shadow of each vehicle, see `shadow_distances`, shape
+    (m, r + v + o, v)."""
     is_seen: NDArray[np.bool_]
     """Ranges, vehicles and objects, shape (m, r + v + o)."""
     is_dimmed: NDArray[np.bool_]
@@ -85,8 +92,7 @@ class PreparedStates(NamedTuple):
 class BatchRenderer(Renderer):
     """Draws images of one camera of one vehicle.
 
-    The formulas are those of `Renderer`. All meshes of an image have the same lamps, and shadows of the same vehicles
-    if any: then few draw calls are needed.
+    The formulas are those of `Renderer`.
 
     Each image is drawn at the origin of a framebuffer of its own: at another place OpenGL rounds differently, and some
     pixels would depend on the place of the image in the batch.
@@ -99,37 +105,39 @@ class BatchRenderer(Renderer):
         self._models = [*self._vehicles, *self._objects]
         self._radii = np.array([model.radius for model in self._models])
         self._groups = self._grouped()
+        kinds = [r.kind for r in self._static.geometry.ranges]
+        self._is_ground = np.array([kind == "ground" for kind in kinds] + [False] * len(self._models), np.bool_)
+        """Whether a range, vehicle or object is ground, on which all vehicles cast shadows."""
         k = view.intrinsics
         self._image_size = 3 * k.width * k.height
         with current(self._context) as context:
-            self._indices = context.buffer(reserve=4 * PART * max(len(self._static.geometry.indices), 1), dynamic=True)
+            self._indices = context.buffer(reserve=4 * max(len(self._static.geometry.indices), 1), dynamic=True)
             self._pixels = context.buffer(reserve=PART * self._image_size, dynamic=True)
             self._seen_static = self._static.with_indices(self._indices)
             self._own, self._own_pieces = self._own_vehicle()
 
-    def draw_batch(
-        self, looks: Sequence[Daylight], vehicles: np.ndarray, objects: np.ndarray, *, is_day: bool
-    ) -> NDArray[np.uint8]:
-        """One image of each of n states, RGB, shape (n, height, width, 3).
-
-        `looks`: of each, with the same direction towards the sun. `vehicles`: shape (n, v), dtype
-        `render_state.VEHICLE`; `objects`: shape (n, o), dtype `render_state.OBJECT`.
-        """
-        k, n = self._view.intrinsics, len(vehicles)
+    def draw_batch(self, states: RenderState, views: Sequence[View]) -> NDArray[np.uint8]:
+        """One image of each of n states, RGB, shape (n, height, width, 3). `views`: of the camera in each state."""
+        k, n = self._view.intrinsics, len(views)
+        worlds = [states[i] for i in range(n)]
         images = np.empty((n, k.height, k.width, 3), np.uint8)
-        if n == 0:
-            return images
-        # states with equal poses of the objects and near cameras share a shadow map
-        eyes = rigid_all(vehicles[:, self._row]) @ rigid(self._view.position, self._view.orientation)
-        keys = [(row.tobytes(), self._shadows.area(eye[None]) or ()) for row, eye in zip(objects, eyes, strict=True)]
-        order = np.array(sorted(range(n), key=keys.__getitem__), np.intp)
+        eyes = np.array([rigid(view.position, view.orientation) for view in views]).reshape(-1, 4, 4)
+        suns = [(state.is_day, state.look.sun_direction) for state in worlds]
+        # states with the same sun, equal poses of the objects and near cameras share a shadow map
         with current(self._context):
-            if is_day:
-                self._shadows.set_sun(looks[0].sun_direction)
-            for numbers in np.split(order, range(PART, n, PART)):
-                part = self._prepared(vehicles[numbers], objects[numbers])
-                own = [looks[k] for k in numbers.tolist()]
-                images[numbers] = self._draw_part(part, own, is_day).reshape(-1, *images.shape[1:])
+            for is_day, sun in sorted({*suns}):
+                if is_day:
+                    self._shadows.set_sun(sun)
+                keys = {
+                    i: (states.objects[i].tobytes(), self._shadows.area(eyes[i : i + 1]) or ())
+                    for i in range(n)
+                    if suns[i] == (is_day, sun)
+                }
+                order = np.array(sorted(keys, key=keys.__getitem__), np.intp)
+                for numbers in np.split(order, range(PART, len(order), PART)):
+                    own = [worlds[i] for i in numbers], [views[i] for i in numbers]
+                    part = self._prepared(states[numbers], *own, eyes[numbers])
+                    images[numbers] = self._draw_part(part).reshape(-1, *images.shape[1:])
         if self.quality.antialiasing == "fxaa":
             opaque = np.full((k.height, k.width, 1), 255, np.uint8)
             for image in images:
@@ -138,7 +146,11 @@ class BatchRenderer(Renderer):
 
     # -- preparation ------------------------------------------------------------------------------------------------
 
-    def _prepared(self, vehicles: np.ndarray, objects: np.ndarray) -> PreparedStates:
+    def _prepared(
+        self, states: RenderState, worlds: Sequence[RenderState], views: Sequence[View], eyes: Floats
+    ) -> PreparedStates:
+        """`worlds`: each of the `states`; `eyes`: poses of the `views`."""
+        vehicles, objects = states.vehicles, states.objects
         m, v, o = len(vehicles), vehicles.shape[1], objects.shape[1]
         roots, places = rigid_all(vehicles), rigid_all(objects)
         bones = np.zeros((m, v + o, BONES, 4, 4), np.float32)
@@ -149,8 +161,7 @@ class BatchRenderer(Renderer):
         glow = np.zeros((m, v + o, 1 + vehicles["lamps"].shape[-1]), np.float32)
         glow[..., 0] = 1.0
         glow[:, :v, 1:] = vehicles["lamps"]
-        eyes = roots[:, self._row] @ rigid(self._view.position, self._view.orientation)
-        clips = clip_from_optical(self._view) @ np.linalg.inv(eyes)
+        clips = np.array([clip_from_optical(self._view) @ np.linalg.inv(eye) for eye in eyes])
         middles = np.array([middle for middle, _ in self._draw_list.outlines]).reshape(v, 3, 1)
         vehicle_centers = roots[..., :3, 3] + (roots[..., :3, :3] @ middles)[..., 0]
         centers = np.concatenate([vehicle_centers, places[..., :3, 3]], axis=1)
@@ -158,8 +169,11 @@ class BatchRenderer(Renderer):
         planes, static = sight_planes(clips), self._static.geometry
         is_seen = np.concatenate([in_sight(planes, *static.spheres), in_sight(planes, centers, self._radii)], axis=1)
         is_seen[:, len(static.ranges) + self._row] &= len(self._own_pieces) > 0
+        low, high = self._boxes(centers)
+        to_shadow, limit = shadow_distances(low, high, vehicle_centers, self._shadows.drift)
         return PreparedStates(
-            vehicles=vehicles,
+            worlds=worlds,
+            views=views,
             roots=roots,
             places=places,
             bones=bones,
@@ -169,17 +183,18 @@ class BatchRenderer(Renderer):
             centers=centers,
             near=np.argsort(away, axis=1, kind="stable"),
             is_seen=is_seen,
-            is_dimmed=is_seen[..., None] & self._dims(roots, centers, planes),
+            low=low,
+            high=high,
+            to_shadow=to_shadow,
+            is_dimmed=is_seen[..., None] & self._dims(to_shadow < limit, roots, planes),
         )
 
-    def _dims(self, roots: Floats, centers: Floats, planes: Floats) -> NDArray[np.bool_]:
-        """Whether the shadow of each vehicle can fall on each range, vehicle and object, in sight if it is ground."""
-        (m, v), static, drift = roots.shape[:2], self._static.geometry, self._shadows.drift
-        n, own = len(static.ranges), self._radii[:, None]
-        low = np.concatenate([np.broadcast_to(static.boxes[:, 0], (m, n, 3)), centers - own], axis=1)
-        high = np.concatenate([np.broadcast_to(static.boxes[:, 1], (m, n, 3)), centers + own], axis=1)
-        away, limit = shadow_distances(low, high, centers[:, :v], drift)
-        dims = away < limit
+    def _dims(self, dims: NDArray[np.bool_], roots: Floats, planes: Floats) -> NDArray[np.bool_]:
+        """Whether the shadow of each vehicle can fall on each range, vehicle and object, in sight if it is ground.
+
+        `dims`: the same, in sight or not; is written.
+        """
+        v, static, drift = roots.shape[1], self._static.geometry, self._shadows.drift
         corners = np.array([(x, y) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
         level = np.zeros((2, v, 4, 3))
         for i, (middle, half) in enumerate(self._draw_list.outlines):
@@ -193,6 +208,13 @@ class BatchRenderer(Renderer):
         is_ground = [i for i, r in enumerate(static.ranges) if r.kind in LEVEL]
         dims[:, is_ground] &= np.all(np.any(inside, axis=2), axis=2)[:, None]
         return dims
+
+    def _boxes(self, centers: Floats) -> tuple[Floats, Floats]:
+        """Lowest and highest corners of ranges, vehicles and objects, shape (m, r + v + o, 3) each."""
+        own, radii = self._static.geometry.boxes, self._radii[:, None]
+        shape = len(centers), len(own), 3
+        low = np.concatenate([np.broadcast_to(own[:, 0], shape), centers - radii], axis=1)
+        return low, np.concatenate([np.broadcast_to(own[:, 1], shape), centers + radii], axis=1)
 
     def _grouped(self) -> dict[tuple[Kind, str], NDArray[np.intp]]:
         """Numbers of the ranges of the static mesh that look alike, level ground last as in `Renderer`."""
@@ -225,35 +247,32 @@ class BatchRenderer(Renderer):
 
     # -- drawing ----------------------------------------------------------------------------------------------------
 
-    def _draw_part(self, part: PreparedStates, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
+    def _draw_part(self, part: PreparedStates) -> NDArray[np.uint8]:
         m = len(part.roots)
-        casters = [self._casters(part, k) for k in range(m)]
-        is_dimmed = np.array([dims[:, own].any(1) for dims, own in zip(part.is_dimmed, casters, strict=True)])
-        static = self._static_pieces(part, is_dimmed)
         size = self._view.intrinsics.width, self._view.intrinsics.height
         targets = [self._target(number, *size) for number in range(min(RING, m))]
         for k in range(m):
             if k % RING == 0:  # for as many images as there are targets: llvmpipe waits for what a shader reads
                 for later in range(k, min(k + RING, m)):
+                    look = None
+                    if self._is_sky_coarse(self._view):
+                        look = self._begin_frame(part.worlds[later])
+                        self._frame.write(self._draw_list.frame.tobytes())
                     self._write_camera(part.clips[later], part.eyes[later, :3, 3])
-                    self._draw_behind(later % RING, self._view, part.clips[later])
+                    self._draw_behind(later % RING, self._view, part.clips[later], look, is_day=False)
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
-            self._draw_list.frame[...] = 0
-            self._draw_list.set_sky(looks[k], 0.0)
-            weather = looks[k].air.effects
-            lit = self._illumination(part, k, casters[k], is_day)
-            light = lit._replace(casters=()), lit
+            state = part.worlds[k]
+            look = self._begin_frame(state)
+            lit = self._illuminations(part, k)
             self._frame.write(self._draw_list.frame.tobytes())
             self._write_camera(part.clips[k], part.eyes[k, :3, 3])
             self._bind()
             targets[k % RING].begin()
             self._use_behind(k % RING, self._view)
-            ground = ((self._seen_static, piece, None, None, light[is_in]) for is_in, piece in static[k])
-            self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day, weather=weather)
-            self._draw_sky(part.clips[k], looks[k])
-            own = replace(self._view, position=part.eyes[k, :3, 3].tolist())
-            self._draw_air(part.clips[k], looks[k].air, 0.0, own)
+            calls = [*self._posed(part, k, lit), *self._ranges(part, k, lit)]
+            self._draw_calls(calls, state.is_day, weather=look.air.effects)
+            self._draw_sky_and_air(part.views[k], part.clips[k], look, state.time)
             targets[k % RING].finish()
         for k in range(max(m - RING, 0), m):
             targets[k % RING].read_rgb_into(self._pixels, k * self._image_size)
@@ -261,71 +280,103 @@ class BatchRenderer(Renderer):
         self._pixels.read_into(pixels, size=pixels.nbytes)
         return pixels
 
-    def _static_pieces(self, part: PreparedStates, is_dimmed: NDArray[np.bool_]) -> list[list[Piece]]:
-        """What each image shows of the static mesh; fills the buffer of the triangles.
+    def _begin_frame(self, state: RenderState) -> Daylight:
+        """Set the uniform block to the sun and sky of a state, which are returned."""
+        look = state.look
+        self._draw_list.frame[...] = 0
+        self._draw_list.set_sky(look, state.time)
+        return look
 
-        `is_dimmed`: ranges, vehicles and objects on which shadows of vehicles fall, shape (m, r + v + o).
-        """
-        own = self._static.geometry
+    def _ranges(self, part: PreparedStates, k: int, lit: Lit) -> Iterator[DrawCall]:
+        """What image k shows of the static mesh; fills the buffer of the triangles."""
+        own, seen = self._static.geometry, part.is_seen[k]
         chosen: list[NDArray[np.uint32]] = []
-        pieces: list[list[Piece]] = []
+        pieces: list[tuple[IndexRange, Illumination]] = []
         first = 0
-        for seen, dimmed in zip(part.is_seen, is_dimmed, strict=True):
-            pieces.append([])
-            for (kind, textures), numbers in self._groups.items():
-                for is_in in (False, True):
-                    ranges = [own.ranges[i] for i in numbers[seen[numbers] & (dimmed[numbers] == is_in)].tolist()]
-                    length = sum(r.length for r in ranges)
-                    if length:
-                        pieces[-1].append((is_in, (first, length, kind, textures)))
-                        chosen += [own.indices[r.first : r.first + r.length] for r in ranges]
-                        first += length
+        for (kind, textures), numbers in self._groups.items():
+            of_light: dict[Illumination, list[int]] = {}
+            for i in numbers[seen[numbers]].tolist():
+                of_light.setdefault(lit[i], []).append(i)
+            for light, alike in of_light.items():
+                ranges = [own.ranges[i] for i in alike]
+                length = sum(r.length for r in ranges)
+                pieces.append(((first, length, kind, textures), light))
+                chosen += [own.indices[r.first : r.first + r.length] for r in ranges]
+                first += length
         if chosen:
             self._indices.orphan()
             self._indices.write(np.concatenate(chosen).tobytes())
-        return pieces
+        return ((self._seen_static, piece, None, None, light) for piece, light in pieces)
 
-    def _casters(self, part: PreparedStates, k: int) -> list[int]:
-        """Vehicles whose shadows image k shows, the nearest first."""
+    def _illuminations(self, part: PreparedStates, k: int) -> Lit:
+        """Light and shadow on what image k shows; draws the shadow maps.
+
+        All meshes have the same lamps and casters of shadows, because then few draw calls are needed. Only if a mesh
+        has more of them than `Renderer` draws, each mesh has those that `Renderer` draws.
+        """
+        draws, state = self._draw_list, part.worlds[k]
+        roots, places, near, is_day = part.roots[k], part.places[k], part.near[k].tolist(), state.is_day
+        bones = [bone.tobytes() for bone in part.bones[k, : len(roots)]]
         is_casting = part.is_dimmed[k].any(0)
-        return [i for i in part.near[k].tolist() if is_casting[i]][:CASTERS]
-
-    def _illumination(self, part: PreparedStates, k: int, casters: list[int], is_day: bool) -> Illumination:
-        """Light and shadow in image k; draws the shadow maps."""
-        draws, v = self._draw_list, len(self._vehicles)
-        roots, places, near = part.roots[k], part.places[k], part.near[k].tolist()
-        bones = [part.bones[k, i].tobytes() for i in range(v)]
+        casters = [i for i in near if is_casting[i]][: CASTERS - 1]
         if is_day:
             self._shadows.draw_still(places, part.eyes[k : k + 1])
-        draws.set_casters(casters, roots, part.centers[k, :v], bones, is_day=is_day)
-        lamps, n_beam = draws.set_lamps(part.vehicles[k], near, roots, places, bones, is_day=is_day)
-        beams: list[int] = []
-        others: list[int] = []
-        if len(lamps):
-            static, posed = np.split(part.is_seen[k], [len(self._static.geometry.ranges)])
-            boxes, centers = self._static.geometry.boxes[static], part.centers[k, posed]
-            low = np.concatenate([boxes[:, 0], centers - self._radii[posed, None]])
-            high = np.concatenate([boxes[:, 1], centers + self._radii[posed, None]])
-            lights = reach(lamps, low, high) & lights_view(lamps, part.clips[k], part.eyes[k, :3, 3])
-            power = np.where(lights, strength(lamps, 0.5 * (low + high)), 0.0).max(0, initial=0.0)
-            beams = np.nonzero(lights[:, :n_beam].any(0))[0].tolist()
-            others = [BEAMS + i for i in best(np.any(lights[:, n_beam:], axis=0), power[n_beam:], LAMPS)]
-        return Illumination(
-            filled(list(range(len(casters))), CASTER_COUNTS, NO_CASTER),
-            filled(beams, BEAM_COUNTS, NO_BEAM),
-            filled(others, LAMP_COUNTS, NO_LAMP),
-            is_day,
-        )
+        draws.set_casters(casters, roots, part.centers[k, : len(roots)], bones, is_day=is_day)
+        lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, is_day=is_day)
+        numbers = np.flatnonzero(part.is_seen[k])
+        low, high = part.low[k, numbers], part.high[k, numbers]
+        dimmed, away = part.is_dimmed[k, numbers][:, casters], part.to_shadow[k, numbers][:, casters]
+        shades = self._shades(dimmed, away, self._is_ground[numbers])
+        beams, small = self._lights(lamps, n_beam, low, high, lights_view(lamps, part.clips[k], part.eyes[k, :3, 3]))
+        return {
+            number: Illumination(shade, beams, slots, is_day)
+            for number, shade, slots in zip(numbers.tolist(), shades, small, strict=True)
+        }
 
-    def _posed(
-        self, part: PreparedStates, k: int, is_dimmed: NDArray[np.bool_], light: tuple[Illumination, Illumination]
-    ) -> Iterator[DrawCall]:
-        """Vehicles and objects in image k. `light`: without and with shadows of vehicles."""
+    def _shades(self, dimmed: NDArray[np.bool_], away: Floats, is_ground: NDArray[np.bool_]) -> list[Slots]:
+        """Slots of the vehicles that cast shadows on each of b meshes.
+
+        `dimmed`, `away`: whether each of c vehicles does, and at which distance [m], shape (b, c).
+        """
+        every = filled([*range(dimmed.shape[1])], CASTER_COUNTS, NO_CASTER)
+        shades = [every if row.any() else () for row in dimmed]
+        if np.any(dimmed[~is_ground].sum(1) > self.quality.casters):
+            for i in np.flatnonzero(~is_ground).tolist():
+                shades[i] = filled(best(dimmed[i], -away[i], self.quality.casters), CASTER_COUNTS, NO_CASTER)
+        return shades
+
+    def _lights(
+        self, lamps: np.ndarray, n_beam: int, low: Floats, high: Floats, is_lit: NDArray[np.bool_]
+    ) -> tuple[Slots, list[Slots]]:
+        """Slots of the headlights with shadows, and those of the other lamps of each of b meshes.
+
+        `low`, `high`: corners of the meshes, shape (b, 3); `is_lit`: whether each lamp lights something in the view.
+        """
+        if len(lamps) == 0:
+            return (), [()] * len(low)
+        reached = reach(lamps, low, high)
+        lights = np.flatnonzero(reached.any(0) & is_lit)
+        beams = filled(lights[lights < n_beam].tolist(), BEAM_COUNTS, NO_BEAM)
+        small, others = reached[:, n_beam:], [lights[lights >= n_beam] - n_beam] * len(low)
+        if np.any(small.sum(1) > self.quality.lamps) or len(others[0]) > LAMP_COUNTS[-1]:
+            power = strength(lamps[n_beam:], 0.5 * (low + high))
+            others = [np.array(best(small[i], power[i], self.quality.lamps), np.intp) for i in range(len(small))]
+            others = [chosen[is_lit[n_beam + chosen]] for chosen in others]
+        return beams, [filled((BEAMS + chosen).tolist(), LAMP_COUNTS, NO_LAMP) for chosen in others]
+
+    def _posed(self, part: PreparedStates, k: int, lit: Lit) -> Iterator[DrawCall]:
+        """Vehicles, objects and lit lenses in image k."""
         n = len(self._static.geometry.ranges)
         for i in np.nonzero(part.is_seen[k, n:])[0].tolist():
             model = self._models[i]
             pieces: list[IndexRange] = [(r.first, r.length, r.kind, r.textures) for r in model.geometry.ranges]
             if i == self._row:
                 model, pieces = self._own, self._own_pieces
-            bones, glow, lit = part.bones[k, i].tobytes(), part.glow[k, i].tobytes(), light[int(is_dimmed[n + i])]
-            yield from ((model, piece, bones, glow, lit) for piece in pieces)
+            bones, glow = part.bones[k, i].tobytes(), part.glow[k, i].tobytes()
+            yield from ((model, piece, bones, glow, lit[n + i]) for piece in pieces)
+        planes = sight_planes(part.clips[k])
+        for lens in self._draw_list.lit_lenses(part.worlds[k]):
+            if in_sight(planes, lens.center[None], np.array([lens.radius]))[0]:
+                [ball] = lens.model.geometry.ranges
+                piece = ball.first, ball.length, ball.kind, ball.textures
+                yield lens.model, piece, lens.bones, lens.glow, lens.lit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -43,7 +43,7 @@ FRAME = np.dtype(
 )
 """Uniform block of shaders/frame.glsl; matrices are column-major."""
 
-CASTER_COUNTS, BEAM_COUNTS, LAMP_COUNTS = (1, 2, 4), (2, 4, 8), (2, 4, 8)
+CASTER_COUNTS, BEAM_COUNTS, LAMP_COUNTS = (1, 2, 4, 8, 16), (2, 4, 8), (2, 4, 8)
 """Numbers of casters of shadows, beams and lamps that a draw call can have, besides 0: each needs a shader."""
 
 OUTLINE = 0.92
@@ -158,7 +158,7 @@ class DrawList:
         self.static_lit = reached[:n]
         levels = np.concatenate([np.ones((len(roots), 1)), state.vehicles["lamps"]], axis=1).astype(np.float32)
         glow = [row.tobytes() for row in levels]
-        dark = np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()
+        dark = _dark()
         models = [*self._vehicles, *self._objects]
         own_bones = [*bones, *(_padded(place[None]) for place in places)]
         glows = [*glow, *(dark for _ in places)]
@@ -166,12 +166,17 @@ class DrawList:
             PosedMesh(*each)
             for each in zip(models, own_bones, glows, all_centers[n:], all_radii[n:], reached[n:], strict=True)
         ]
-        at_rest, light = _padded(np.eye(4)[None]), SHADED if state.is_day else UNREACHED
+        self.posed += self.lit_lenses(state)
+
+    def lit_lenses(self, state: RenderState) -> Iterator[PosedMesh]:
+        """The lenses of the traffic lights that are lit."""
+        at_rest, dark = _padded(np.eye(4)[None]), _dark()
+        light = SHADED if state.is_day else UNREACHED
         for number, shown in enumerate(state.header["traffic_lights"][: len(self._lenses) // 3].astype(int).tolist()):
             if shown:
                 lens = self._lenses[3 * number + shown - 1]
                 [ball] = lens.geometry.ranges
-                self.posed.append(PosedMesh(lens, at_rest, dark, ball.center, ball.radius, light))
+                yield PosedMesh(lens, at_rest, dark, ball.center, ball.radius, light)
 
     def seen_lit(self, lit: Illumination, is_lit: NDArray[np.bool_]) -> Illumination:
         """An illumination without lamps that light nothing in a view.
@@ -305,6 +310,11 @@ def filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
         return ()
     length = next(level for level in levels if level >= len(slots))
     return (*sorted(slots), *[empty] * (length - len(slots)))
+
+
+def _dark() -> bytes:
+    """`PosedMesh.glow` without a lamp that is lit."""
+    return np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()
 
 
 def _padded(poses: Floats) -> bytes:

@@ -1,21 +1,22 @@
-"""Render state: poses and lamp states of one Frame in a flat array that can be shared between processes."""
+"""Render state: all that a picture of a world depends on, in a flat array that can be shared between processes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from autodrive.graphics.render.look import DAY, NIGHT, Air, Daylight, air_of, in_air, look_at
 from autodrive.physics.actuators.lights import LAMPS, lamp_levels
+from autodrive.protocol.messages import Weather
 from autodrive.scenario.maps.light_programs import MAX_LIGHTS
 
 if TYPE_CHECKING:
-    from autodrive.base.arrays import Floats
-    from autodrive.protocol.messages import Frame, Lights, TrafficLightFrame
+    from autodrive.base.arrays import Floats, Integers
+    from autodrive.protocol.messages import Frame, Lights
 
 VEHICLE = np.dtype(
     [
@@ -45,10 +46,12 @@ each, in the order of the Frame."""
 
 @dataclass(frozen=True)
 class RenderState:
-    """The fields are views of one flat array `data`."""
+    """All that a picture of a world depends on, or of n worlds; the fields are views of one array `data`."""
 
     data: Floats
+    """Shape (k,), or (n, k) for n worlds, whose axis is also the first one of the other fields."""
     header: np.ndarray
+    """Shape (), dtype `HEADER`."""
     vehicles: np.ndarray
     """Shape (n_vehicle,), dtype `VEHICLE`, in the order of the Frame."""
     objects: np.ndarray
@@ -58,41 +61,66 @@ class RenderState:
     def of(frame: Frame) -> RenderState:
         """The state of that Frame."""
         state = RenderState.empty(len(frame.vehicles), len(frame.objects))
-        state.header["time"], state.header["is_day"] = frame.time, frame.scene_light
-        if frame.time_of_day is not None:
-            state.header["time_of_day"] = frame.time_of_day
-        if frame.weather is not None:
-            state.header["air"] = air_of(frame.weather)
-        state.show(frame.traffic_lights)
-        for row, vehicle in zip(state.vehicles, frame.vehicles.values(), strict=True):
-            row["position"], row["orientation"] = vehicle.pose.position, vehicle.pose.orientation
-            row["velocity"], row["angular_velocity"] = vehicle.velocity, vehicle.angular_velocity
-            wheels = vehicle.wheels
-            row["steering"], row["spin"] = wheels.steering_angle, wheels.rotation_angle
-            row["compression"] = wheels.compression
-            row["lamps"] = lamp_levels(vehicle.lights)
-        for row, object_ in zip(state.objects, frame.objects.values(), strict=True):
-            row["position"], row["orientation"] = object_.pose.position, object_.pose.orientation
+        vehicles, objects = frame.vehicles.values(), frame.objects.values()
+        state.write(
+            {
+                "time": frame.time,
+                "is_day": frame.scene_light,
+                "time_of_day": math.nan if frame.time_of_day is None else frame.time_of_day,
+                "air": air_of(frame.weather or Weather()),
+                "traffic_lights": [light.state for light in frame.traffic_lights.values()],
+            },
+            {
+                "position": [vehicle.pose.position for vehicle in vehicles],
+                "orientation": [vehicle.pose.orientation for vehicle in vehicles],
+                "velocity": [vehicle.velocity for vehicle in vehicles],
+                "angular_velocity": [vehicle.angular_velocity for vehicle in vehicles],
+                "steering": [vehicle.wheels.steering_angle for vehicle in vehicles],
+                "spin": [vehicle.wheels.rotation_angle for vehicle in vehicles],
+                "compression": [vehicle.wheels.compression for vehicle in vehicles],
+                "lamps": [lamp_levels(vehicle.lights) for vehicle in vehicles],
+            },
+            {
+                "position": [object_.pose.position for object_ in objects],
+                "orientation": [object_.pose.orientation for object_ in objects],
+            },
+        )
         return state
 
     @staticmethod
-    def empty(vehicles: int, objects: int) -> RenderState:
-        """All zeros and no time of day, for that many vehicles and movable objects."""
-        sizes = [HEADER.itemsize, vehicles * VEHICLE.itemsize, objects * OBJECT.itemsize]
-        state = RenderState.from_buffer(np.zeros(sum(sizes) // 8), vehicles, objects)
+    def of_all(frames: Sequence[Frame]) -> RenderState:
+        """The states of n Frames of a world, at least one."""
+        states = [RenderState.of(frame) for frame in frames]
+        return RenderState.from_buffer(np.stack([state.data for state in states]), len(states[0].vehicles))
+
+    @staticmethod
+    def empty(vehicles: int, objects: int, worlds: int | None = None) -> RenderState:
+        """All zeros and no time of day, for that many vehicles and movable objects in a world, or in n of them."""
+        size = sum((HEADER.itemsize, vehicles * VEHICLE.itemsize, objects * OBJECT.itemsize)) // 8
+        data = np.zeros(size if worlds is None else (worlds, size))
+        state = RenderState.from_buffer(data, vehicles)
         state.header["time_of_day"] = math.nan
         return state
 
     @staticmethod
-    def from_buffer(data: Floats, vehicles: int, objects: int) -> RenderState:
-        """A view of an existing array."""
-        cut = np.cumsum([HEADER.itemsize // 8, vehicles * VEHICLE.itemsize // 8])
-        header, vehicle_rows, object_rows = np.split(data, cut)
-        return RenderState(data, header.view(HEADER)[0], vehicle_rows.view(VEHICLE), object_rows.view(OBJECT))
+    def from_buffer(data: Floats, vehicles: int) -> RenderState:
+        """A view of an existing array, for that many vehicles."""
+        first = HEADER.itemsize // 8
+        last = first + vehicles * VEHICLE.itemsize // 8
+        header, vehicle_rows, object_rows = data[..., :first], data[..., first:last], data[..., last:]
+        return RenderState(data, header.view(HEADER)[..., 0], vehicle_rows.view(VEHICLE), object_rows.view(OBJECT))
 
-    def show(self, lights: Mapping[str, TrafficLightFrame]) -> None:
-        """Set what the traffic lights show."""
-        self.header["traffic_lights"][: len(lights)] = [light.state for light in lights.values()]
+    def __getitem__(self, worlds: int | Sequence[int] | Integers) -> RenderState:
+        """The state of one of n worlds, or a copy of the states of some."""
+        return RenderState.from_buffer(self.data[worlds], self.vehicles.shape[-1])
+
+    def write(self, header: Mapping[str, Any], vehicles: Mapping[str, Any], objects: Mapping[str, Any]) -> None:
+        """Write all fields, whose values are given by name; those of `traffic_lights` for the lights of the map."""
+        for rows, values in ((self.header, header), (self.vehicles, vehicles), (self.objects, objects)):
+            assert values.keys() == set(rows.dtype.names or ())
+            for name, value in values.items():
+                field = rows[name] if name != "traffic_lights" else rows[name][..., : np.shape(value)[-1]]
+                field[...] = np.reshape(value, field.shape)
 
     def switch_lamps(self, lights: Lights) -> None:
         """Set the lamps of all vehicles."""

@@ -23,7 +23,7 @@ from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
 from autodrive.graphics.render.shadows import BONES, DIM, Shadows, columns
 from autodrive.graphics.render.strokes import StrokePass
-from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
+from autodrive.graphics.render.target import ExactImage, ExactTarget, RenderTarget
 from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.protocol.labels import Label
 
@@ -95,12 +95,15 @@ class Renderer:
         lit = lit_lenses(scene.static)
         skeletons = {id(asset): Skeleton(asset) for asset in [*assets, *lit]}
         models: dict[tuple[int, Detail], GpuMesh] = {}
+        instances = {name: number for number, name in enumerate(scene.map_objects, 1)}
+        self._n_map_object = len(instances)
 
         def model(asset: Asset, detail: Detail) -> GpuMesh:
             key = id(asset), detail
             if key not in models:
                 whole = asset is not scene.static
-                models[key] = GpuMesh(context, geometry(asset, skeletons[id(asset)], detail, layers, is_whole=whole))
+                own = geometry(asset, skeletons[id(asset)], detail, layers, is_whole=whole, instances=instances)
+                models[key] = GpuMesh(context, own)
             return models[key]
 
         detail = self.quality.detail
@@ -144,7 +147,7 @@ class Renderer:
         self._behind = cache(self._new_behind)
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
-        self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
+        self._exact_target = cache(lambda width, height: ExactTarget(context, width, height))
         self._sky = cache(self._new_sky)
         self._plain = cache(self._new_plain)
         self._stroke_pass = cache(lambda: StrokePass(context))
@@ -169,19 +172,44 @@ class Renderer:
         *,
         depth: bool = False,
         labels: bool = False,
+        instances: bool = False,
         strokes: Strokes | None = None,
     ) -> list[RenderedImage]:
         """One image of that state for each view, in the order of the views; `strokes` are drawn into all."""
         with current(self._context):  # only while it draws: the next call may come from another thread
-            return self._drawn(state, views, strokes, depth=depth, labels=labels)
+            images = self._drawn(state, views, strokes)
+            if not (depth or labels or instances):
+                return images
+            exact = [self._draw_exact(view) for view in views]
+        return [
+            replace(
+                image,
+                depth=own.depth if depth else None,
+                labels=own.labels if labels else None,
+                instances=own.instances if instances else None,
+            )
+            for image, own in zip(images, exact, strict=True)
+        ]
 
-    def _drawn(
-        self, state: RenderState, views: Sequence[View], strokes: Strokes | None, *, depth: bool, labels: bool
-    ) -> list[RenderedImage]:
+    def instances(self, state: RenderState, view: View) -> tuple[NDArray[np.uint16], dict[int, NDArray[np.bool_]]]:
+        """Instance number of each pixel, and for each number that is there, which pixels it has if nothing hides it.
+
+        All arrays have the shape (height, width).
+        """
+        with current(self._context):
+            self._set(state, [view])
+            seen = self._draw_exact(view).instances
+            numbers = [int(number) for number in np.unique(seen) if number]
+            return seen, {number: self._draw_exact(view, only=number).instances > 0 for number in numbers}
+
+    def _set(self, state: RenderState, views: Sequence[View]) -> None:
         self._context.front_face = "ccw"
         self._draw_list.set(state, views)
         self._frame.write(self._draw_list.frame.tobytes())
         self._bind()
+
+    def _drawn(self, state: RenderState, views: Sequence[View], strokes: Strokes | None) -> list[RenderedImage]:
+        self._set(state, views)
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         clips: list[Floats] = []
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
@@ -196,14 +224,7 @@ class Renderer:
                 self._stroke_pass().draw(strokes, view)
         for target in targets:
             target.finish()
-        images = [RenderedImage(target.read()) for target in targets]
-        if depth or labels:
-            exact = [self._draw_exact(view) for view in views]
-            images = [
-                replace(image, depth=far if depth else None, labels=marks if labels else None)
-                for image, (far, marks) in zip(images, exact, strict=True)
-            ]
-        return images
+        return [RenderedImage(target.read()) for target in targets]
 
     def _bind(self) -> None:
         """Bind uniform blocks and shadow maps, after the shadow maps have been drawn."""
@@ -272,6 +293,9 @@ class Renderer:
     def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
         outlines = ("OUTLINED",) if view.is_outlined and not is_day else ()
         self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects, of_vehicles=outlines)
+        self._draw_sky_and_air(view, clip, look, time)
+
+    def _draw_sky_and_air(self, view: View, clip: Floats, look: Daylight, time: float) -> None:
         if self._is_sky_coarse(view):
             self._draw_coarse_sky(clip, look, view)
         else:
@@ -379,22 +403,21 @@ class Renderer:
         if vertices:
             array.render(moderngl.TRIANGLES, vertices)
 
-    def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Depths [m] and labels, shape (height, width) each."""
+    def _draw_exact(self, view: View, *, only: int = 0) -> ExactImage:
+        """The exact image of a view; `only`: of the instance with that number alone."""
         target = self._exact_target(view.intrinsics.width, view.intrinsics.height)
         target.begin()
+        numbers = {id(posed.bones): number for number, posed in enumerate(self._draw_list.posed, 1)}
         for model, piece, bones, _, _ in self._seen(self._look(view), view):
             if model in self._lenses:
                 continue
             program = self._label_program(bones is not None)
             if bones is not None:
                 write(program, "bones", bones)
+                write(program, "number", np.float32(self._n_map_object + numbers[id(bones)]).tobytes())
+            write(program, "only", np.float32(only).tobytes())
             model.draw(program, *piece[:2])
-        depth, labels = target.read()
-        near, far = view.near, view.far
-        # inverse of the third row of `clip_from_optical`
-        metres = far * near / (far - depth.astype(np.float64) * (far - near))
-        return np.where(depth < 1.0, metres, np.inf).astype(np.float32), labels
+        return target.read()
 
     def _look(self, view: View) -> Floats:
         """Clip space from map axes for that view; also writes it to the uniform block."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,6 +32,7 @@ VERTEX = np.dtype(
         ("open", np.float32),
         ("finish", np.float32, 4),  # roughness, metallic, texture layer, label
         ("bone_lamp", np.float32, 2),  # bone, lamp
+        ("instance", np.float32),  # of the static mesh: number of the object of the map, from 1; 0: none
     ]
 )
 
@@ -44,6 +46,8 @@ class RenderScene:
     objects: Sequence[Asset]
     lights: Sequence[LightsSpec]
     """Lights of each vehicle."""
+    map_objects: Sequence[str] = ()
+    """Names of the objects of the map that have an instance number, in the order of the numbers from 1."""
 
 
 LENS_GAP = 0.001
@@ -203,9 +207,15 @@ class Geometry:
 
 
 def geometry(
-    asset: Asset, skeleton: Skeleton, detail: Detail, layers: dict[str, tuple[str, int]], *, is_whole: bool = False
+    asset: Asset,
+    skeleton: Skeleton,
+    detail: Detail,
+    layers: dict[str, tuple[str, int]],
+    *,
+    is_whole: bool = False,
+    instances: Mapping[str, int] = MappingProxyType({}),
 ) -> Geometry:
-    """Flat arrays of the asset. `layers`: texture array and layer of each texture.
+    """Flat arrays of the asset. `layers`: texture array and layer of each texture; `instances`: see `instance_of`.
 
     Surfaces that look alike are merged within each node, so that invisible nodes can be skipped, or with `is_whole`
     within the asset.
@@ -225,7 +235,7 @@ def geometry(
             kind = "matt" if kind in LEVEL and is_whole else kind  # what moves is not level ground
             groups.setdefault((kind, own), []).append((surface, node))
         for (kind, array), members in groups.items():
-            parts = [_vertices(surface, node, skeleton, layers) for surface, node in members]
+            parts = [_vertices(surface, node, skeleton, layers, instances) for surface, node in members]
             starts = n_vertex + np.cumsum([0, *(len(part) for part in parts[:-1])])
             own_indices = np.concatenate(
                 [s.triangles.ravel() + start for (s, _), start in zip(members, starts, strict=True)]
@@ -257,7 +267,11 @@ def _kind(surface: MeshSurface, place: Floats) -> Kind:
 
 
 def _vertices(
-    surface: MeshSurface, node: AssetNode, skeleton: Skeleton, layers: dict[str, tuple[str, int]]
+    surface: MeshSurface,
+    node: AssetNode,
+    skeleton: Skeleton,
+    layers: dict[str, tuple[str, int]],
+    instances: Mapping[str, int],
 ) -> NDArray[np.void]:
     place, material = skeleton.place_of[node.name], _material(surface)
     part = np.zeros(len(surface.positions), VERTEX)
@@ -272,4 +286,11 @@ def _vertices(
     layer = layers[material.texture][1] if material.texture else 0
     part["finish"] = material.roughness, material.metallic, layer, surface.label
     part["bone_lamp"] = skeleton.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp in LAMPS else 0
+    part["instance"] = instance_of(node.name, instances)
     return part
+
+
+def instance_of(node: str, instances: Mapping[str, int]) -> int:
+    """Instance number of a node of a map; 0: none. `instances`: numbers of objects, to which a post does not belong."""
+    name, _, part = node.rpartition(".")
+    return instances.get(node) or instances.get("" if part == "post" else name, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -54,23 +54,34 @@ class RenderTarget:
         self._plain.read_into(pixels, components=3, alignment=1, write_offset=offset)
 
 
-class DepthLabelTarget:
-    """Depth and label at the centre of each pixel, without antialiasing."""
+class ExactImage(NamedTuple):
+    """What is at the centre of each pixel, without antialiasing; shape (height, width) each."""
+
+    depth: NDArray[np.float32]
+    """[m]; infinite where nothing was drawn."""
+    labels: NDArray[np.uint8]
+    instances: NDArray[np.uint16]
+    """Instance numbers; 0: none."""
+
+
+class ExactTarget:
+    """Where an `ExactImage` is drawn."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
-        self._size = width, height
-        self._depth = context.depth_texture(self._size)
-        self._frame = context.framebuffer([context.texture(self._size, 1)], self._depth)
+        self._size = size = width, height
+        layers = context.texture(size, 1), context.texture(size, 2, dtype="f4")
+        self._frame = context.framebuffer(layers, context.depth_renderbuffer(size))
 
     def begin(self) -> None:
         """Clear this target and draw to it from now on."""
         self._frame.use()
         self._frame.clear(depth=1.0)
 
-    def read(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Depths in [0, 1] of clip space, and labels; shape (height, width) each."""
+    def read(self) -> ExactImage:
+        """The image that was drawn."""
         width, height = self._size
-        depth, labels = np.empty((height, width), np.float32), np.empty((height, width), np.uint8)
-        self._depth.read_into(depth)
+        labels, others = np.empty((height, width), np.uint8), np.empty((height, width, 2), np.float32)
         self._frame.read_into(labels, components=1, alignment=1)
-        return depth, labels
+        self._frame.read_into(others, components=2, attachment=1, dtype="f4")
+        depth = np.where(others[..., 0] > 0.0, others[..., 0], np.float32(np.inf))
+        return ExactImage(depth, labels, others[..., 1].astype(np.uint16))

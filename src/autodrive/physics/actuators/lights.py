@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from functools import cache
+from itertools import product
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
+import numpy as np
 from pydantic import Field
 
 from autodrive.base.specs import Offset, Spec
 from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.base.arrays import Floats, Integers
 
 Level: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -71,3 +79,23 @@ def lit_lamps(
         right_indicator=is_bright and indicators in (Indicators.RIGHT, Indicators.HAZARD),
         reverse_lights=is_reversing,
     )
+
+
+def lit_levels(
+    headlights: Integers,
+    indicators: Integers,
+    blink_phase: Floats,
+    is_braking: NDArray[np.bool_],
+    is_reversing: NDArray[np.bool_],
+) -> Floats:
+    """Brightness of each of `LAMPS` in the state of `lit_lamps`, for arrays of the same shape: shape (..., lamps)."""
+    numbers = headlights, indicators, blink_phase >= 0.5, is_braking, is_reversing
+    return _levels()[tuple(np.asarray(number, np.intp) for number in numbers)]
+
+
+@cache
+def _levels() -> Floats:
+    """`lamp_levels` of each state, by the arguments of `lit_lamps`, shape (3, 4, 2, 2, 2, lamps)."""
+    states = product(Headlights, Indicators, (0.0, 0.5), (False, True), (False, True))
+    levels = [lamp_levels(lit_lamps(*state)) for state in states]
+    return np.reshape(levels, (len(Headlights), len(Indicators), 2, 2, 2, len(LAMPS)))

@@ -35,6 +35,8 @@ FORMATS = {
     "rosbag1": Format("ROS 1 bag", "bag", ".bag", "export"),
     "rerun": Format("Rerun, with a view", "rerun_file", ".rrd", "rerun"),
     "lerobot": Format("LeRobot dataset v3: Parquet and MP4", "lerobot", "", "export"),
+    "coco": Format("COCO dataset: images with boxes and masks", "detection", ""),
+    "yolo": Format("YOLO dataset: images with boxes", "detection", ""),
     "minari": Format("Minari dataset: observations and actions", "minari_dataset", "", "export"),
 }
 """Formats by name."""

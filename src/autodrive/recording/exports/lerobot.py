@@ -11,11 +11,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -25,7 +23,7 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.learning import ACTION, STATE, DatasetStep, checked, steps
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.film.encoder import open_stream
+from autodrive.recording.film.video import Video
 from autodrive.recording.recording import decoded
 
 RATE = 30
@@ -34,8 +32,6 @@ QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Quantiles in the statistics, by name."""
 MAX_IMAGES, PIXEL_STEP = 100, 8
 """The statistics of a camera are those of at most so many images, and of each 8th pixel of each 8th row."""
-CODECS = ("libsvtav1", "libvpx-vp9", "mpeg4")
-"""Video encoders, best first; the first that PyAV has is used."""
 
 
 def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
@@ -120,20 +116,17 @@ def _write_video(path: Path, camera: str, all_steps: Sequence[DatasetStep], rate
     last = all_steps[-1].images.picture(camera)
     assert last is not None
     height, width = decoded(last).rgba.shape[:2]
-    codec = next(name for name in CODECS if name in av.codecs_available)
     pixels = np.zeros((height, width, 3), np.uint8)
     known = -1.0
-    with av.open(str(target / "file-000.mp4"), "w") as container:
-        stream = open_stream(container, codec, (width, height), Fraction(rate))
+    with Video(target / "file-000.mp4", (width, height), rate) as video:
         for step in all_steps:
             if step.images.times.get(camera, known) != known and (picture := step.images.picture(camera)) is not None:
-                known, pixels = picture.time, np.ascontiguousarray(decoded(picture).rgb)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
-        container.mux(stream.encode())
+                known, pixels = picture.time, decoded(picture).rgb
+            video.write(pixels)
     return {
-        "video.height": height,
-        "video.width": width,
-        "video.codec": {"libsvtav1": "av1", "libvpx-vp9": "vp9"}.get(codec, codec),
+        "video.height": video.size[1],
+        "video.width": video.size[0],
+        "video.codec": video.codec,
         "video.pix_fmt": "yuv420p",
         "video.is_depth_map": False,
         "video.fps": rate,

@@ -11,6 +11,9 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
+BT_709, LIMITED = 1, 1
+"""Numbers in video files of these colours (ITU-T H.273), and of the range 16 to 235 (FFmpeg)."""
+
 _CAPABILITIES_VERSION_3 = 0x20080522
 _SYS_NICE = 1 << 23
 """The capability that permits real-time policies: bit of the first word of a set (linux/capability.h)."""
@@ -21,15 +24,22 @@ def open_stream(
 ) -> Any:
     """A video stream of a PyAV container whose encoder is open. `size`: width and height [pixels]; `rate`: [Hz].
 
+    Colours are BT.709 in the limited range, and tagged so; there is a keyframe each second.
+
     As root, SVT-AV1 gives the thread that opens it the policy SCHED_FIFO with the priority 99 and leaves it so, and all
     threads and processes that this thread starts later inherit it: they then displace everything else on the machine.
     """
-    os.environ.setdefault("SVT_LOG", "1")  # only errors: by default, SVT-AV1 prints its settings
+    # Only fatal errors: by default, SVT-AV1 prints its settings, and at Ctrl-C that it has not got all images.
+    os.environ.setdefault("SVT_LOG", "0")
     stream = container.add_stream(encoder, rate=rate, options=options)
     stream.width, stream.height = size
     stream.pix_fmt = "yuv420p"
+    context = stream.codec_context
+    context.gop_size = max(1, round(rate))
+    context.colorspace = context.color_primaries = context.color_trc = BT_709
+    context.color_range = LIMITED
     with _ordinary_scheduling():
-        stream.codec_context.open()
+        context.open()
     return stream
 
 

@@ -18,6 +18,7 @@ from autodrive.base.suggest import suggest, suggesting
 from autodrive.graphics.cameras.overlays import NONE, strokes_of_drawings
 from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.cameras.scene_camera import CAMERAS, SceneCamera, check_view
+from autodrive.graphics.render.look import is_day_at
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.strokes import Strokes
@@ -197,4 +198,5 @@ def _set_light(state: RenderState, light: str | None) -> None:
         hours = math.nan
     if not 0 <= hours <= 24:
         raise AutodriveError(f"the light must be 'day', 'night' or a time of day in hours, such as 18.5, not '{light}'")
-    state.header["time_of_day"] = 3600.0 * hours
+    time_of_day = 3600.0 * hours
+    state.header["is_day"], state.header["time_of_day"] = is_day_at(time_of_day), time_of_day

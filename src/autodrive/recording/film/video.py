@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.base.suggest import suggest
-from autodrive.recording.film.encoder import open_stream
+from autodrive.recording.film.encoder import BT_709, LIMITED, open_stream
 
 
 @dataclass(frozen=True)
@@ -34,38 +34,52 @@ CODECS = {
 FORMATS = {".mp4": "av1", ".webm": "vp9", ".mkv": "av1"}
 """Ends of file names, and the codec of each unless another is chosen."""
 
+INDEX_FIRST = {"movflags": "faststart", "cues_to_front": "1"}
+"""Options of MP4, and of Matroska and WebM: the index is before the images."""
+LEAST, MOST = 4, 8192
+"""Least and greatest width and height that all encoders accept [pixels]."""
+
 PART = ".part"
 """End of the name of a file that is being written; it is renamed when it is complete."""
 
 
 class Video:
-    """A video file that appears when it is complete; `write` adds images, shape (height, width, 3), uint8, sRGB."""
+    """A video file that appears when it is complete; `write` adds images, shape (height, width, 3), uint8, sRGB.
+
+    Colours are BT.709 in the limited range, and tagged so. A keyframe each second, and the index before the images, let
+    a player begin at any time.
+    """
 
     def __init__(self, path: Path, size: tuple[int, int], rate: float, codec: str | None = None) -> None:
-        """`size`: width and height [pixels], both even. `rate`: images per second. Raises `AutodriveError`."""
+        """`size`: width and height of the images [pixels]. `rate`: images per second. Raises `AutodriveError`."""
         if path.suffix.lower() not in FORMATS:
             known = ", ".join(FORMATS)
             raise AutodriveError(f"the name of a film must end with one of {known}, not '{path.suffix}'  ({path})")
         chosen = codec or FORMATS[path.suffix.lower()]
         if chosen not in CODECS:
             raise AutodriveError(f"codec '{chosen}' is not known. {suggest(chosen, [*CODECS])}")
-        if any(length % 2 or not 16 <= length <= 8192 for length in size):
-            raise AutodriveError(f"width and height of a film must be even numbers from 16 to 8192, not {size}")
+        if not all(LEAST <= length <= MOST for length in size):
+            raise AutodriveError(f"width and height of a video must be from {LEAST} to {MOST} pixels, not {size}")
         av = _av()
         self._av: Any = av
+        self.codec = chosen
+        """A key of `CODECS`."""
+        self.size = size[0] + size[0] % 2, size[1] + size[1] % 2
+        """Width and height of the video [pixels]: even, as the colours of two by two pixels are stored once."""
         self._path = path
         self._part = path.with_name(f".{path.stem}{PART}{path.suffix}")
         with self._writing():
-            self._container = av.open(str(self._part), "w")
+            self._container = av.open(str(self._part), "w", container_options=INDEX_FIRST)
             encoder = CODECS[chosen]
             rounded = Fraction(rate).limit_denominator(1001)
-            self._stream = open_stream(self._container, encoder.encoder, size, rounded, dict(encoder.options))
+            self._stream = open_stream(self._container, encoder.encoder, self.size, rounded, dict(encoder.options))
         self.images = 0
         """Number of images written."""
 
     def write(self, image: NDArray[np.uint8]) -> None:
-        """Add an image."""
-        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+        """Add an image; one of another size is scaled."""
+        rgb = self._av.VideoFrame.from_ndarray(padded(image), format="rgb24")
+        frame = rgb.reformat(*self.size, "yuv420p", dst_colorspace=BT_709, dst_color_range=LIMITED)
         with self._writing():
             self._container.mux(self._stream.encode(frame))
         self.images += 1
@@ -94,7 +108,13 @@ class Video:
             yield
         except OSError as error:
             reason = error.strerror or error
-            raise AutodriveError(f"the film cannot be written: {reason}  ({self._path})") from None
+            raise AutodriveError(f"the video cannot be written: {reason}  ({self._path})") from None
+
+
+def padded(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The image with its last row and its last column twice where the height or the width is odd."""
+    height, width = image.shape[:2]
+    return np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)), "edge")
 
 
 def _av() -> Any:

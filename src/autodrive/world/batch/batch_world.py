@@ -21,13 +21,14 @@ from autodrive.base.jit import resolved
 from autodrive.base.pinned import Pinned
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.graphics.render.render_state import RenderState
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.lidar.weather import set_lidar_weather
 from autodrive.physics.sensors.tables import set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
-from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
-from autodrive.protocol.messages import Weather
+from autodrive.protocol.commands import MAX_DISTANCE, check_commands, check_flag, check_seed, check_weather
+from autodrive.protocol.messages import Command, Headlights, Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
@@ -35,6 +36,7 @@ from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.columns import Rows, rows_of_batch
 from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
+from autodrive.world.pictures import pictures_of
 from autodrive.world.poses import overlapping
 from autodrive.world.readings import Readings, readings_of
 from autodrive.world.rules import rules
@@ -216,6 +218,18 @@ class BatchWorld(OneThread):
             self._set_motion(chosen, i, motion)
         self._begin(self._threads[0], chosen)
         return self._show()
+
+    def pictures(self, *, is_day: bool | None = None, headlights: Headlights = Headlights.OFF) -> RenderState:
+        """What cameras show of all worlds now, for `BatchCamera.render`: bodies, lamps, lights, hour and weather.
+
+        `is_day`: None is the light of the scenario; `headlights`: of the vehicles that obey commands. The traffic
+        switches its own lamps. Raises `CommandError` for wrong values.
+        """
+        if is_day is not None:
+            check_flag(is_day, "is_day")
+        check_commands(dict.fromkeys(self.commanded_names, Command(headlights=headlights)))
+        rows = self.worlds, self.readings, self.weathers
+        return pictures_of(self.compiled, *rows, is_day=is_day, headlights=headlights)
 
     def close(self) -> None:
         """End the threads; no step can follow."""

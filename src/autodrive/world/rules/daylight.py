@@ -74,9 +74,9 @@ def write(columns: DaylightColumns, chosen: Integers | int, light: SceneLight) -
         column[chosen] = np.nan if value is None else value
 
 
-def light_of(columns: DaylightColumns) -> SceneLight:
-    """The light of a World."""
-    is_on, start, scale, since = (float(column[0]) for column in columns)
+def light_of(columns: DaylightColumns, k: int = 0) -> SceneLight:
+    """The light of world k."""
+    is_on, start, scale, since = (float(column[k]) for column in columns)
     return SceneLight(is_on == 1.0, None if np.isnan(start) else start, scale, since)
 
 

@@ -180,10 +180,3 @@ def frames(names: Sequence[str], row: LightColumns) -> dict[str, TrafficLightFra
 
 STATES = tuple(TrafficLightState)
 """Traffic light states by number: an index is faster than a call of the class."""
-
-
-def frames_at_start(c: CompiledScenario) -> dict[str, TrafficLightFrame]:
-    """What the lights show after a reset of a World with a fixed light."""
-    shown = columns(c, 1)
-    show(0, 0, np.nan, table(c), shown)
-    return frames(c.map.traffic_lights, row_of(shown))

@@ -6,6 +6,7 @@ in vec3 position, normal, color, emission;
 in vec2 uv;
 in float open;     // share of the sky that the vertex sees
 in vec4 finish;  // roughness, metallic, texture layer, label
+in float instance;
 #ifdef JOINTED
 uniform mat4 bones[BONES];
 uniform float lamps[13];  // 0: surfaces that always glow; 1 to 12: the lamps
@@ -16,6 +17,7 @@ out vec3 place, facing, in_sun;
 flat out vec3 own_color, own_emission;
 flat out vec4 own_finish;
 out vec3 own_uv;  // and `open`
+flat out float own_instance;
 #ifdef FLAT
 flat out vec3 from_sky, from_sun;
 #elif defined(MATT)
@@ -36,6 +38,7 @@ void main() {
     own_color = color;
     own_finish = finish;
     own_uv = vec3(uv, open);
+    own_instance = instance;
     in_sun = mat3(sun_from_map) * (place + still_offset.w * facing);  // offset from the surface, against shadow acne
 #if defined(FLAT) || defined(MATT)
     from_sky = 0.31831 * mix(floor_glow.rgb, 0.5 * (zenith.rgb + horizon.rgb), facing.z * 0.5 + 0.5);

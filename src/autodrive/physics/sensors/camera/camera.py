@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from autodrive.base.arrays import read_only
 from autodrive.base.elementary import tan
 from autodrive.base.transforms import Quaternion, Vector, compose, quaternion_from_rotation_vector, rotate
 from autodrive.base.units import DEGREE
 from autodrive.physics.sensors.camera.exposure import Exposure, lens_shading, shutter
 from autodrive.physics.sensors.camera.imperfections import PRESETS, CameraImperfections, Hardware
-from autodrive.physics.sensors.camera.optics import covers_whole_image, ideal_pinhole, rays
+from autodrive.physics.sensors.camera.optics import covers_whole_image, ideal_pinhole, least_zoom, rays
 from autodrive.physics.sensors.camera.view import RenderedImage, View
 from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Schedule, SensorSpec, random_generator
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
@@ -64,6 +66,8 @@ class CameraSpec(SensorSpec):
     """Whether images include the depth of each pixel."""
     labels: bool = False
     """Whether images include the label of each pixel."""
+    instances: bool = False
+    """Whether images include the number of the object that each pixel shows."""
     imperfections: CameraImperfections = CameraImperfections()
     """Imperfections of lens, shutter and sensor."""
     hardware: Hardware = "raspberry_pi_v1"
@@ -79,8 +83,22 @@ class CameraSpec(SensorSpec):
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"an image of {self.width} x {self.height} has more than {MAX_PIXELS} pixels")
         if not covers_whole_image(self.intrinsics):
-            raise ValueError("this distortion is too strong: the lens shows nothing in the corners of the image")
+            raise ValueError(
+                f"this distortion is too strong: the lens shows nothing in the corners of the image. {self._way_out()}"
+            )
         return self
+
+    def _way_out(self) -> str:
+        """Which values the distortion permits."""
+        zoom = least_zoom(self.intrinsics)
+        if self.fit == "vertical":
+            widest = 2.0 * math.atan(0.5 * self.height / (zoom * self.intrinsics.fy)) / DEGREE
+            limit = f"field_of_view_deg of at most {math.floor(10.0 * widest) / 10.0:g}"
+        else:
+            assert self.focal_length is not None
+            limit = f"focal_length of at least {1.005 * zoom * self.focal_length:.3g} m"  # the last digit is rounded
+        kept = "" if math.isinf(zoom) else f"a {limit}, or "
+        return f"Choose {kept}'hardware: rectified' or 'imperfections: rectified', a lens without distortion"
 
     def realistic(self) -> CameraSpec:
         """A copy with the imperfections of its hardware."""
@@ -154,7 +172,7 @@ class Camera:
     def image_from(self, rendered: Sequence[RenderedImage], vehicle: np.void, now: int) -> CameraImage:
         """The reading at `now` [substeps] from the images that were rendered for `views`, in the same order.
 
-        Pose, depth and labels belong to the time of the reading, which is the middle of the exposure.
+        Pose, depth, labels and instances belong to the time of the reading, which is the middle of the exposure.
         """
         self._sampled_at = now
         position, orientation = self._pose(vehicle)
@@ -163,11 +181,12 @@ class Camera:
             middle = self._formation.apply(rendered, self._rng)
         return CameraImage(
             time=now * self._substep.numerator / self._substep.denominator,
-            pose=Pose(np.array(position), np.array(orientation)),
+            pose=Pose(read_only(np.array(position)), read_only(np.array(orientation))),
             intrinsics=self.intrinsics,
-            rgba=middle.rgba,
-            depth=middle.depth if self.spec.depth else None,
-            labels=middle.labels if self.spec.labels else None,
+            rgba=read_only(middle.rgba),
+            depth=read_only(middle.depth) if self.spec.depth and middle.depth is not None else None,
+            labels=read_only(middle.labels) if self.spec.labels and middle.labels is not None else None,
+            instances=read_only(middle.instances) if self.spec.instances and middle.instances is not None else None,
         )
 
     def save(self) -> Any:
@@ -205,7 +224,7 @@ class ImageFormation:
         self._nearest = None if places is None else np.round(places).astype(np.intp)
 
     def apply(self, rendered: Sequence[RenderedImage], rng: np.random.Generator) -> RenderedImage:
-        """The reported image, given images rendered at `times`; depth and labels are those of the middle one."""
+        """The reported image, given images rendered at `times`; the rest of it is that of the middle one."""
         self._exposure.begin()
         for image, shares in zip(rendered, self._shares, strict=True):
             self._exposure.add(image.rgba, shares)
@@ -214,6 +233,7 @@ class ImageFormation:
             rgba=self._exposure.read(self._shading, *self._noise, rng),
             depth=self._distort(middle.depth),
             labels=self._distort(middle.labels),
+            instances=self._distort(middle.instances),
         )
 
     def _distort(self, values: NDArray[Any] | None) -> NDArray[Any] | None:

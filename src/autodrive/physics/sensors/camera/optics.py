@@ -121,6 +121,24 @@ def covers_whole_image(intrinsics: CameraIntrinsics) -> bool:
     return bool(np.isfinite(undistorted(x, y, k.distortion)[0]).all())
 
 
+def least_zoom(intrinsics: CameraIntrinsics) -> float:
+    """Factor of the focal length with which the lens just covers the whole image; infinity: none up to 100."""
+    too_small, enough = 1.0, 100.0
+    if not covers_whole_image(_zoomed(intrinsics, enough)):
+        return math.inf
+    while enough > 1.001 * too_small:
+        middle = math.sqrt(too_small * enough)
+        if covers_whole_image(_zoomed(intrinsics, middle)):
+            enough = middle
+        else:
+            too_small = middle
+    return enough
+
+
+def _zoomed(k: CameraIntrinsics, factor: float) -> CameraIntrinsics:
+    return CameraIntrinsics(k.width, k.height, factor * k.fx, factor * k.fy, k.cx, k.cy, k.distortion)
+
+
 def ideal_pinhole(intrinsics: CameraIntrinsics) -> tuple[CameraIntrinsics, NDArray[np.float32]]:
     """An ideal camera that covers the field of view of this one, and the coordinates of this one's pixels in its image.
 

@@ -38,3 +38,4 @@ class RenderedImage:
     rgba: NDArray[np.uint8]
     depth: NDArray[np.float32] | None = None
     labels: NDArray[np.uint8] | None = None
+    instances: NDArray[np.uint16] | None = None

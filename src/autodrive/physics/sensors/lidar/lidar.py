@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import (
@@ -257,10 +257,8 @@ class LidarSpec(NoisySpec, Sampled):
 
 def scan_constants(spec: LidarSpec) -> tuple[Any, ...]:
     """The fields of a `LidarScan` that are the same in every scan: all after `ranges`."""
-    intensities = np.full(spec.rays, spec.intensity)
-    intensities.flags.writeable = False
     return (
-        intensities,
+        read_only(np.full(spec.rays, spec.intensity)),
         spec.angle_min,
         spec.angle_increment,
         spec.range_min,

@@ -86,6 +86,7 @@ DRIVER = columns(
     asked=np.int64,  # tick at which the driver came near to the next gate; -1: has not
     speed=np.float64,  # that the driver commands [m/s]
     signal=np.int64,  # 1: indicates a turn to the left; -1: to the right; else 0
+    signal_since=np.int64,  # tick at which the driver began to indicate
     is_braking=np.bool_,  # the brake lamps are on
     desired=np.float64,  # speed at which the driver likes to drive [m/s]
     stream=(np.uint64, 3),  # random numbers of the route
@@ -634,7 +635,7 @@ def _command(c: int, traffic: Traffic, throttle: Floats, steering: Floats) -> No
 def _indicate(c: int, traffic: Traffic) -> None:
     """Write the indicators of a driver: the next turn on the route, until the front axle has left it."""
     driver, roads = traffic.drivers[c], traffic.table.roads
-    driver["signal"] = 0
+    before, driver["signal"] = driver["signal"], 0
     if driver["link"] == NONE:
         return
     way = -driver["at"]
@@ -644,5 +645,7 @@ def _indicate(c: int, traffic: Traffic) -> None:
             return
         if roads.turn[link] != 0:
             driver["signal"] = roads.turn[link]
+            if before == 0:
+                driver["signal_since"] = traffic.tick
             return
         way += roads.length[link]

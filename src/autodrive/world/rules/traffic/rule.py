@@ -18,7 +18,8 @@ from autodrive.world.controls import VehicleControls
 from autodrive.world.rules.lights import LightColumns
 from autodrive.world.rules.traffic.drive import DRIVER, NONE, Traffic, TrafficTable, drive
 
-INDICATORS = {1: Indicators.LEFT, 0: Indicators.OFF, -1: Indicators.RIGHT}
+INDICATORS = Indicators.OFF, Indicators.LEFT, Indicators.RIGHT
+"""Indicators by the `signal` of a driver: 0, 1 and -1, which is the last one."""
 
 
 def table(c: CompiledScenario) -> TrafficTable:
@@ -68,13 +69,17 @@ def command(
     drive(Traffic(table, columns[k], state, lights.mode[k], lights.state[k], tick), throttle, steering)
 
 
-def switch_lamps(
-    table: TrafficTable, columns: Table, vehicles: Sequence[VehicleControls], tick: int, *, is_day: bool
-) -> None:
+def switch_lamps(table: TrafficTable, columns: Table, vehicles: Sequence[VehicleControls], *, is_day: bool) -> None:
     """Switch the lamps of the traffic among all `vehicles` of a World: headlights by night, brake lamps, indicators."""
-    headlights = Headlights.OFF if is_day else Headlights.LOW
-    rows, signals, brakes = table.rows.tolist(), columns["signal"][0].tolist(), columns["is_braking"][0].tolist()
-    for row, signal, is_braking in zip(rows, signals, brakes, strict=True):
+    names = "signal", "signal_since", "is_braking"
+    for row, signal, since, is_braking in zip(
+        table.rows.tolist(), *(columns[name][0].tolist() for name in names), strict=True
+    ):
         vehicle = vehicles[row]
-        vehicle.headlights, vehicle.is_braking = headlights, is_braking
-        vehicle.switch_indicators(INDICATORS[signal], tick)
+        vehicle.headlights, vehicle.is_braking = headlights_at(is_day), is_braking
+        vehicle.indicators, vehicle.indicators_since = INDICATORS[signal], since
+
+
+def headlights_at(is_day: bool) -> Headlights:
+    """The headlights of the traffic by day and by night."""
+    return Headlights.OFF if is_day else Headlights.LOW
