@@ -33,7 +33,7 @@ class Held(NamedTuple):
 
     pose: tuple[float, ...]
     velocity: tuple[float, ...]
-    """Velocity as in `State.qvel`, shape (6,): from the former pose to this one, in the time that the former was held."""
+    """Velocity as in `State.qvel`, shape (6,): from the former pose to this one, in the time of the former hold."""
     moves_for: int
     """The vehicle has this velocity for so many ticks."""
     age: int
