@@ -199,7 +199,8 @@ class Motion(NamedTuple):
         q, d = int(v["qpos"]), int(v["dof"])
         rotation = np.array(rotation_from_quaternion(tuple(c.state.qpos[q + 3 : q + 7].tolist()))).reshape(3, 3)
         turn, arm = rotation @ c.state.qvel[d + 3 : d + 6], rotation @ v["center_of_mass"]
-        return cls(rotation, c.state.qpos[q : q + 3] + arm, c.state.qvel[d : d + 3] + np.cross(turn, arm), turn)
+        by_turn: Any = np.cross(turn, arm)
+        return cls(rotation, c.state.qpos[q : q + 3] + arm, c.state.qvel[d : d + 3] + by_turn, turn)
 
 
 def impact(motion: Motion, place_: Floats, mass: float, inertia: Floats, friction: float) -> tuple[Floats, Floats]:
@@ -288,8 +289,8 @@ def test_friction_of_wheel_and_wall_act_with_their_mean(
     car = car_file(tmp_path, changes, "roboracer")
     tree = {"length": 60.0, "width": 60.0, "friction": ground}
     map_ = map_file(tmp_path, ground=tree, walls=[wall((-9.0, 0.025), (9.0, 0.025))])
-    pose = {"x": -0.9, "y": -0.9 * math.tan(math.radians(20.0)) - 0.16, "yaw_deg": 20.0}
-    world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": VehiclePlacement(type=car, **pose)}, tick=0.001))
+    start = VehiclePlacement(type=car, x=-0.9, y=-0.9 * math.tan(math.radians(20.0)) - 0.16, yaw_deg=20.0)
+    world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": start}, tick=0.001))
     roll(world, 0, 5.0, math.radians(20.0))
     before, _, after = hit(world, 5.0)
     lost = before.velocity - after.velocity

@@ -181,7 +181,7 @@ class Poses:
             ticks = max(1, before.age)
             seconds = ticks * c.spec.tick
             velocity[:3] = (pose[:3] - before.pose[:3]) / seconds
-            turn = compose(inverse(before.pose[3:]), tuple(pose[3:].tolist()))
+            turn = compose(inverse(np.array(before.pose[3:])), pose[3:])
             velocity[3:] = np.divide(rotation_vector(turn), seconds)
         if before is None or velocity.any():
             c.state.asleep[:] = AWAKE  # what stands on the vehicle loses its support
