@@ -50,7 +50,7 @@ def posts(count: int) -> ShapeTable:
     side = round(math.sqrt(count))
     places = itertools.product(range(-(side // 2), side - side // 2), repeat=2)
     return fixed_shapes(
-        [StaticShape("", BOX, (0.05, 0.05, 0.15), (x + 0.5, y + 0.5, 0.15), 0.0, "post") for x, y in places]
+        [StaticShape("", "", BOX, (0.05, 0.05, 0.15), (x + 0.5, y + 0.5, 0.15), 0.0, "post") for x, y in places]
     )
 
 

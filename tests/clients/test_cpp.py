@@ -370,7 +370,7 @@ def event_words(event: Event) -> list[object]:
     """What the program prints of an event: the fields of all events, then its own."""
     own = [field for field in event.__struct_fields__ if field not in ("time", "vehicle", "position")]
     values = [getattr(event, field) for field in own]
-    return [type(event).__name__, event.time, event.vehicle, *event.position, *values]
+    return [type(event).__name__, event.time, event.vehicle, *getattr(event, "position", (0.0, 0.0, 0.0)), *values]
 
 
 def as_printed(values: Iterable[Any]) -> list[object]:

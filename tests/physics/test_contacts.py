@@ -200,7 +200,8 @@ class Motion(NamedTuple):
         q, d = int(v["qpos"]), int(v["dof"])
         rotation = np.array(rotation_from_quaternion(tuple(c.state.qpos[q + 3 : q + 7].tolist()))).reshape(3, 3)
         turn, arm = rotation @ c.state.qvel[d + 3 : d + 6], rotation @ v["center_of_mass"]
-        return cls(rotation, c.state.qpos[q : q + 3] + arm, c.state.qvel[d : d + 3] + np.cross(turn, arm), turn)
+        by_turn: Any = np.cross(turn, arm)
+        return cls(rotation, c.state.qpos[q : q + 3] + arm, c.state.qvel[d : d + 3] + by_turn, turn)
 
 
 def impact(motion: Motion, place_: Floats, mass: float, inertia: Floats, friction: float) -> tuple[Floats, Floats]:
@@ -289,8 +290,8 @@ def test_friction_of_wheel_and_wall_act_with_their_mean(
     car = car_file(tmp_path, changes, "roboracer")
     tree = {"length": 60.0, "width": 60.0, "friction": ground}
     map_ = map_file(tmp_path, ground=tree, walls=[wall((-9.0, 0.025), (9.0, 0.025))])
-    pose = {"x": -0.9, "y": -0.9 * math.tan(math.radians(20.0)) - 0.16, "yaw_deg": 20.0}
-    world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": VehiclePlacement(type=car, **pose)}, tick=0.001))
+    start = VehiclePlacement(type=car, x=-0.9, y=-0.9 * math.tan(math.radians(20.0)) - 0.16, yaw_deg=20.0)
+    world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": start}, tick=0.001))
     roll(world, 0, 5.0, math.radians(20.0))
     before, _, after = hit(world, 5.0)
     lost = before.velocity - after.velocity
@@ -444,36 +445,72 @@ def test_a_race_car_lies_on_two_rims_with_the_tilt_at_which_moments_balance(vehi
 
 # -- values of the engine ----------------------------------------------------------------------------------------
 
-KEPT = {
-    "geom_priority": "no solid decides alone",
-    "geom_condim": "3, set in CLASSES as well",
-    "geom_group": "only for the engine's own viewer",
-    "geom_matid": "no material",
-    "geom_dataid": "no mesh",
-    "geom_rgba": "only for the engine's own viewer",
-    "geom_user": "none",
-    "geom_fluid": "no fluid",
-    "geom_plugin": "none",
+VIEWER, UNUSED = "only for the engine's own viewer", "the worlds have nothing of this kind"
+KEPT_OF_GEOMS = {
+    "adhesion": "nothing sticks",
+    "castshadow": VIEWER,
+    "condim": "3: friction in two directions, as CLASSES says",
+    "contype": "1 is the class of the floor",
+    "dataid": UNUSED,
+    "fluid": UNUSED,
+    "gap": "0 at the start; each step sets what a body can reach in it",
+    "group": VIEWER,
+    "matid": VIEWER,
+    "plugin": UNUSED,
+    "priority": "no geom decides alone about the friction of a contact",
+    "rgba": VIEWER,
+    "solmix": "1 for walls and vehicles, whose contacts are the same; floor and boxes have others",
+    "surfacevel": "no conveyor belts",
+    "user": UNUSED,
 }
-"""Values of geoms that are left as the engine has them -> why."""
+KEPT_OPTIONS = {
+    "density": "air drag is our own",
+    "disableactuator": UNUSED,
+    "gravity": "that of the scenario, which is the engine's",
+    "impratio": "1: friction as stiff as the normal; 10 changes a slide by 0.2 %",
+    "integrator": "semi-implicit Euler, as `free_body.py`",
+    "iterations": "100, of which a step needs 5",
+    "jacobian": "dense or sparse by the number of bodies",
+    "ls_iterations": "50",
+    "ls_tolerance": "0.01; 1e-14 for both tolerances changes no digit of a slide",
+    "magnetic": UNUSED,
+    "noslip_iterations": "none: a box on the floor does not creep",
+    "noslip_tolerance": UNUSED,
+    "o_friction": UNUSED,
+    "o_margin": UNUSED,
+    "o_solimp": UNUSED,
+    "o_solref": UNUSED,
+    "sdf_initpoints": UNUSED,
+    "sdf_iterations": UNUSED,
+    "sleep_tolerance": "1 mm/s: slower bodies fall asleep",
+    "solver": "Newton, the most precise",
+    "tolerance": "1e-8; 1e-14 for both tolerances changes no digit of a slide",
+    "viscosity": "air drag is our own",
+    "wind": "air drag is our own",
+}
+"""Values that some geom of a world has from the engine's defaults, and such options -> why."""
+PLACES = {"aabb", "bodyid", "pos", "quat", "sameframe", "type"}
+"""Columns of geoms that follow from their shapes and places."""
 
 
 def test_the_values_of_every_geom_are_set_on_purpose() -> None:
-    """Each value of contacts differs from the engine's default, or stands in `KEPT` with a reason."""
-    world = autodrive.make(
-        ScenarioSpec(map="tiny_town", vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.6)})
+    """All values of the compiled model that are the engine's defaults stand in the tables above, with a reason."""
+    vehicles = {name: VehiclePlacement(type=name, x=0.7 * k - 1.0) for k, name in enumerate(TOP_SPEEDS)}
+    world = autodrive.make(ScenarioSpec(map="tiny_town", vehicles=vehicles))  # with boxes of its own
+    model = world.compiled.engine.model
+    plain = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
     )
-    model, own = world.compiled.engine.model, mujoco.MjSpec().default.geom
-    values = {"solref": own.solref, "solimp": own.solimp, "friction": own.friction, "margin": own.margin}
-    for name, default in values.items():
-        for row in range(model.ngeom):
-            value = np.atleast_1d(getattr(model, f"geom_{name}")[row])
-            if name == "friction":
-                assert value[1:].tolist() == pytest.approx([0.0, 0.0], abs=1e-5), (name, row)
-                assert value[0] in {0.4, 0.6}, row
-            else:
-                assert not np.array_equal(value, np.atleast_1d(default)), (name, row)
-    assert set(model.geom_condim.tolist()) == {3}
-    assert set(model.geom_priority.tolist()) == {0}
-    assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
-    assert not np.array_equal(model.geom_contype, np.ones(model.ngeom))
+    kept = set()
+    for name in dir(plain):
+        default = getattr(plain, name) if name.startswith("geom_") else None
+        if isinstance(default, np.ndarray) and len(default) == 1:
+            values = getattr(model, name)
+            if any(np.array_equal(values[row], default[0]) for row in range(model.ngeom)):
+                kept.add(name.removeprefix("geom_"))
+    assert kept - PLACES == set(KEPT_OF_GEOMS)
+    options = [name for name in dir(plain.opt) if not name.startswith("_")]
+    same = {name for name in options if np.array_equal(getattr(model.opt, name), getattr(plain.opt, name))}
+    assert same == set(KEPT_OPTIONS)
+    for name in ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "body_gravcomp"):
+        assert not getattr(model, name).any(), name  # the vehicles' own drag is in `vehicle_forces.py`

@@ -213,3 +213,15 @@ def test_a_recorded_world_gives_the_same_bits(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap", recorded, has_meshes=False):
         for _ in range(20):
             assert digest(plain.step({"V1": Command(0.7)})) == digest(recorded.step({"V1": Command(0.7)}))
+
+
+def test_the_period_of_a_recorded_rate_is_exact(tmp_path: Path) -> None:
+    """The float 1.2 is a little less than 6/5: with its period, the seventh Frame would be that of 5.01 s."""
+    path = tmp_path / "rate.mcap"
+    world = autodrive.make("plane")
+    with Recorder(path, world, frame_rate=1.2, has_meshes=False):
+        for _ in range(520):
+            world.step()
+    with open_recording(path) as recording:
+        times = [moment.time for moment in recording.moments()]
+    assert times == pytest.approx([0.0, 0.84, 1.67, 2.5, 3.34, 4.17, 5.0])

@@ -56,12 +56,12 @@ def prepare_contacts(model: Model, state: State, views: Views, scratch: Scratch)
         copy_memory(where.ctypes.data, contact + layout.position, 24)
         copy_memory(frame.ctypes.data, contact + layout.axes, 72)
         copy_memory(row.ctypes.data, contact + layout.row, 4)
-        first, second = views.slots.solid[pair[0]] - 1, views.slots.solid[pair[1]] - 1
+        first, second = int(views.slots.solid[pair[0]]) - 1, int(views.slots.solid[pair[1]]) - 1
         # velocity of the second solid relative to the first one, in the axes of the contact
         vx, vy, vz = 0.0, 0.0, 0.0
         for s, sign in ((first, -1.0), (second, 1.0)):
             if s >= shapes.n_fixed:
-                x, y, z = velocity_at(state, shapes.qpos[s], shapes.dof[s], where[0], where[1], where[2])
+                x, y, z = velocity_at(state, int(shapes.qpos[s]), int(shapes.dof[s]), where[0], where[1], where[2])
                 vx, vy, vz = vx + sign * x, vy + sign * y, vz + sign * z
         normal = vx * frame[0] + vy * frame[1] + vz * frame[2]
         closer = -model.dt * normal

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec.structs import replace
 
+from autodrive.base.errors import SpecError
 from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
 from autodrive.protocol.native import ContactForces
 from autodrive.recording import records
@@ -74,12 +75,17 @@ def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> R
     compared: JPEG is not the same on every machine.
     """
     count, now, difference = 0, 0.0, None
-    with closing(simulated_again(recording, own_sensors=own_sensors or {})) as pairs:
-        for now, recorded, simulated in pairs:
-            count += 1
-            difference = first_difference(recorded, simulated, now)
-            if difference is not None:
-                break
+    try:
+        with closing(simulated_again(recording, own_sensors=own_sensors or {})) as pairs:
+            for now, recorded, simulated in pairs:
+                count += 1
+                difference = first_difference(recorded, simulated, now)
+                if difference is not None:
+                    break
+    except SpecError as error:
+        made_by = _other_versions(recording)
+        versions = f"; it was made by {made_by}" if made_by else ""
+        raise RecordingError(f"this version cannot simulate the scenario of the recording: {error}{versions}") from None
     problems = recording.problems
     if difference is None and problems:
         raise RecordingError(

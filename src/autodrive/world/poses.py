@@ -33,7 +33,7 @@ class Held(NamedTuple):
 
     pose: tuple[float, ...]
     velocity: tuple[float, ...]
-    """As in `State.qvel`, shape (6,): from the pose before to this one, in the time in which that one was held."""
+    """Velocity as in `State.qvel`, shape (6,): from the former pose to this one, in the time of the former hold."""
     moves_for: int
     """The vehicle has this velocity for so many ticks."""
     age: int
@@ -181,7 +181,7 @@ class Poses:
             ticks = max(1, before.age)
             seconds = ticks * c.spec.tick
             velocity[:3] = (pose[:3] - before.pose[:3]) / seconds
-            turn = compose(inverse(before.pose[3:]), tuple(pose[3:].tolist()))
+            turn = compose(inverse(np.array(before.pose[3:])), pose[3:])
             velocity[3:] = np.divide(rotation_vector(turn), seconds)
         if before is None or velocity.any():
             c.state.asleep[:] = AWAKE  # what stands on the vehicle loses its support

@@ -55,7 +55,7 @@ def test_two_clients_build_a_map_together(server: SimulationServer, sim: Client,
         other.edit_map({"b": MapModule("straight_road", 3.6, 0.0)}, seen={"b": None})
         wait_until(lambda: "b" in parts(sim))
         sim.edit_map({"a": MapModule("straight_road", 3.0, 0.0, open=True)}, seen=seen)
-        with pytest.raises(CommandError, match="'a' was changed by another client meanwhile"):
+        with pytest.raises(CommandError, match="'a' was changed by another client in the meantime"):
             other.edit_map({"a": None}, seen=seen)
         wait_until(lambda: other.status.undo == "change a")
         assert other.map_text() == sim.map_text()

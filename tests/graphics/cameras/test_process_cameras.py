@@ -202,7 +202,7 @@ def test_the_worker_starts_when_images_are_first_wanted_and_again_three_times_wh
             assert cameras.process.pid != pid
             assert not cameras.statistics.error
             assert captured(world).keys() == {"front", "rear"}
-            assert "is started again" in messages(caplog)[-1]
+            assert "a new process is started" in messages(caplog)[-1]
     for _ in range(10):
         world.step()
     assert messages(caplog)[-1] == cameras.statistics.error

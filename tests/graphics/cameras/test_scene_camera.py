@@ -119,7 +119,7 @@ def test_fly_is_where_it_is_told_and_looks_along_azimuth_and_elevation(world: Wo
         (SetCamera("Bird's Eye", height=math.inf), ["V1"], "height"),
         (SetCamera("Fly", position=(0.0, math.nan, 0.0)), ["V1"], "position of a scene camera must be finite"),
         (SetCamera("Orbit", zoom=0.0), ["V1"], "zoom of a scene camera must be 0.1 to 20, not 0.0"),
-        (GOD, [], "has none"),
+        (GOD, [], "has no vehicle"),
     ],
 )
 def test_an_invalid_view_is_refused_with_what_is_known(view: SetCamera, vehicles: list[str], expected: str) -> None:
