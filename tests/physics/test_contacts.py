@@ -1,4 +1,4 @@
-"""Contacts against closed forms: friction, turned worlds, impacts on walls, crashes at any speed, cars on their side."""
+"""Contacts against closed forms: friction, turned worlds, impacts on walls, crashes at any speed, lying cars."""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of MuJoCo have no types)
