@@ -20,9 +20,9 @@ from tests.support.jams import CORNERS, PATIENCE, SUBSTEP, TYPES, CornerJam, Ene
 
 GAIN = 0.02
 """Share of the kinetic energy: the integration of springs and contacts has errors of first order in the substep."""
-CRASH_DEPTH, PUSH_DEPTH = 0.03, 0.005
-"""Largest depths of a car in a wall [m]: contacts are springs with a time constant of 5 ms, and an impact is at up to
-8 m/s; the last quarter of a second of pushing can begin with one."""
+CRASH_DEPTH, PUSH_DEPTH = 0.004, 0.002
+"""Largest depths of a car in a wall [m]: in a step of the engine solids come at most 1 mm closer; the last quarter of a
+second of pushing can begin with an impact."""
 
 
 def test_three_cars_that_jam_throw_none() -> None:
