@@ -17,6 +17,8 @@ void print(const autodrive::Event& event) {
     std::cout << event.type << ' ' << event.time << ' ' << event.vehicle << ' ' << event.position.transpose();
     if (const auto* collision = event.as<autodrive::Collision>())
         std::cout << ' ' << collision->other << ' ' << collision->impulse;
+    if (const auto* ended = event.as<autodrive::CollisionEnded>())
+        std::cout << ' ' << ended->other << ' ' << ended->impulse << ' ' << ended->duration;
     if (const auto* passed = event.as<autodrive::CheckpointPassed>())
         std::cout << ' ' << passed->lap << ' ' << passed->checkpoint << ' ' << passed->split << ' ' << passed->sector_time;
     if (const auto* penalty = event.as<autodrive::RacePenalty>())
