@@ -129,7 +129,8 @@ def with_wrong_values(tree: Any) -> Iterator[Any]:
     [("scenario", "boxes"), ("map", "mini_map"), ("module", "three_way_intersection"), ("vehicle", "nigel")],
 )
 def test_no_error_has_the_words_of_pydantic(kind: Kind, name: str) -> None:
-    pydantic = re.compile(r"Input|valid |dictionary|tuple|parse|instance of|Field|Spec\b|validation|Value error|[Ee]xtra")
+    words = r"Input|valid |dictionary|tuple|parse|instance of|Field|Spec\b|validation|Value error|[Ee]xtra"
+    pydantic = re.compile(words)
     texts: list[str] = []
     for tree in with_wrong_values(yaml.safe_load(find(kind, name).read_text())):
         try:

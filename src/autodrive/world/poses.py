@@ -166,8 +166,8 @@ class Poses:
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
         """Hold a vehicle at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""
-        c, before = self._compiled, self.held.get(vehicle)
         self._controls.index(vehicle)
+        c, before = self._compiled, self.held.get(vehicle)
         if position is None:
             if self.held.pop(vehicle, None):
                 c.state.asleep[:] = AWAKE
