@@ -23,8 +23,9 @@ from autodrive.protocol.messages import (
     Undo,
     Weather,
 )
-from autodrive.recording import Recorder, RecordingError
+from autodrive.recording import Recorder, RecordingError, resimulation
 from autodrive.recording import open as open_recording
+from autodrive.recording.about import about_here
 from autodrive.recording.resimulation import first_difference, resimulate
 from tests.recording.conftest import Drive
 from tests.support.command_line import call
@@ -36,6 +37,13 @@ def test_the_drive_is_identical(drive: Drive) -> None:
     assert str(result) == "identical"
     assert result.frames == len(drive.frames)
     assert result.made_by == ""
+
+
+def test_a_recording_of_other_code_says_so(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The version alone is the same for all code between two releases."""
+    monkeypatch.setattr(resimulation, "about_here", lambda: {**about_here(), "code": "0123456789ab"})
+    with open_recording(drive.path) as recording:
+        assert resimulate(recording).made_by == f"code {about_here()['code']} (here 0123456789ab)"
 
 
 def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:

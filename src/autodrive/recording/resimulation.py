@@ -317,7 +317,8 @@ def _other_versions(recording: Recording) -> str:
     """Versions in which the recording and this installation differ."""
     here = about_here()
     versions = recording.about
-    names = ("version", "engine", "numpy", "python", "platform")
     return ", ".join(
-        f"{name} {versions[name]} (here {here[name]})" for name in names if versions.get(name, "") != here[name]
+        f"{name} {versions.get(name, 'unknown')} (here {here[name]})"
+        for name in here
+        if versions.get(name, "unknown") != here[name]
     )
