@@ -81,6 +81,10 @@ class Scratch(NamedTuple):
     """The two geoms of that contact, shape (2,)."""
     contact_row: NDArray[np.int32]
     """The first row of that contact in the constraints of the engine, or -1, shape (1,)."""
+    other_geoms: NDArray[np.int32]
+    """The two geoms, the first row and the normal of another contact, shapes (2,), (1,) and (3,)."""
+    other_row: NDArray[np.int32]
+    other_normal: Floats
 
 
 def vehicle_contacts(model: Model, pairs_max: int = 64) -> VehicleContacts:
@@ -112,4 +116,7 @@ def scratch(model: Model, n_body: int) -> Scratch:
         contact_frame=np.zeros(9),
         contact_geoms=np.zeros(2, dtype=np.int32),
         contact_row=np.zeros(1, dtype=np.int32),
+        other_geoms=np.zeros(2, dtype=np.int32),
+        other_row=np.zeros(1, dtype=np.int32),
+        other_normal=np.zeros(3),
     )

@@ -25,6 +25,9 @@ SLIP = 50.0
 """Friction that cannot stop a slip in a step is asked for so much more than it can do [m/s^2]: the other forces on the
 solids, which are not known yet, accelerate the slip by less."""
 
+SAME_WAY = 0.7
+"""Two contacts whose normals have at least this cosine push a body in the same direction."""
+
 LEAST_FRICTION = 1.0e-5
 """Least friction coefficient of the engine (mjMINMU)."""
 
@@ -70,8 +73,38 @@ def prepare_contacts(model: Model, state: State, views: Views, scratch: Scratch)
         if row[0] >= 0 and pair[0] != FLOOR_GEOM and pair[1] != FLOOR_GEOM:
             a = vx * frame[3] + vy * frame[4] + vz * frame[5]
             b = vx * frame[6] + vy * frame[7] + vz * frame[8]
-            _slide(row[0], friction, a, b, first, second, model, state, views, scratch)
+            is_fast = sqrt(a * a + b * b) > SLIP * views.timestep[0]
+            if is_fast and not _is_jammed(c, first, second, model, views, scratch):
+                _slide(row[0], friction, a, b, first, second, model, state, views, scratch)
     return parts
+
+
+@inlined
+def _is_jammed(c: int, first: int, second: int, model: Model, views: Views, scratch: Scratch) -> bool:
+    """Whether a movable body of contact c, which is between these shapes, is pushed in another direction as well.
+
+    The floor does not count. scratch: contact_frame holds the axes of contact c.
+    """
+    layout, shapes, normal = views.contact_layout, model.shapes, scratch.contact_frame
+    pair, row, axis = scratch.other_geoms, scratch.other_row, scratch.other_normal
+    for other in range(views.contact_count[0]):
+        contact = views.contacts[0] + other * layout.stride
+        copy_memory(row.ctypes.data, contact + layout.row, 4)
+        copy_memory(pair.ctypes.data, contact + layout.geoms, 8)
+        if other == c or row[0] < 0 or pair[0] == FLOOR_GEOM or pair[1] == FLOOR_GEOM:
+            continue
+        copy_memory(axis.ctypes.data, contact + layout.axes, 24)
+        along = normal[0] * axis[0] + normal[1] * axis[1] + normal[2] * axis[2]
+        for side in range(2):
+            s = int(views.slots.solid[pair[side]]) - 1
+            if s < shapes.n_fixed:
+                continue
+            is_first = first >= shapes.n_fixed and shapes.dof[s] == shapes.dof[first]
+            is_second = second >= shapes.n_fixed and shapes.dof[s] == shapes.dof[second]
+            sign = 1.0 if (is_first and side == 0) or (is_second and side == 1) else -1.0
+            if (is_first or is_second) and sign * along < SAME_WAY:
+                return True
+    return False
 
 
 @inlined
@@ -94,11 +127,9 @@ def _slide(
     The solver of the engine is convex: the acceleration along the normal is greater than asked by friction times what
     lacks along the surface (Anitescu, Mathematical Programming 105, 2006). Asked to stop a fast slip, it throws the two
     solids apart. So it is asked for little more than what friction can do: the force along the normal that stops the
-    solids, times friction.
+    solids, times friction, as far as one contact alone decides it.
     """
     speed, dt = sqrt(a * a + b * b), views.timestep[0]
-    if speed <= SLIP * dt:
-        return
     number, frame = scratch.contact_force, scratch.contact_frame
     rows = views.references[0] + 8 * row
     copy_memory(number.ctypes.data, rows, 8)
