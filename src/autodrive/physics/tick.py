@@ -174,8 +174,9 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
     if parts > 1:
         views.timestep[0] = model.dt / parts
         mj_step1(views.model, views.data)
-        prepare_contacts(model, state, views, scratch)
     for part in range(parts):
+        if parts > 1:
+            prepare_contacts(model, state, views, scratch)
         mj_step2(views.model, views.data)
         note_contacts(views, contacts, scratch)
         for k in range(state.qpos.shape[0]):
@@ -192,8 +193,6 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
         hold_near(model.shapes, state.qpos, views.slots)
         look_ahead(model, state, views)
         mj_step1(views.model, views.data)
-        if part < parts - 1:
-            prepare_contacts(model, state, views, scratch)
     move_shapes(model, state)
     if has_diverged(views):
         forget(views.slots)  # the engine has returned to its start
