@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -199,6 +200,23 @@ def test_a_choice_that_does_not_exist_is_named(tmp_path: Path) -> None:
     file = tmp_path / "policy.onnx"
     save(file, *sizes, nodes, constants)
     assert_error(file, "crossing", r"the network chose \[6.0\]; the choices are 0 to \[5\]")
+
+
+def test_of_several_choices_the_one_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    """A network that draws its choices draws one too great from scores that are no numbers."""
+    weights = np.zeros((14, 2), np.float32)
+    weights[:2] = np.eye(2)
+    sizes = {"obs_0": (FLOAT, ["n", 14])}, {"discrete_actions": (FLOAT, ["n", 2])}
+    nodes = [helper.make_node("Gemm", ["obs_0", "w"], ["discrete_actions"])]
+    save(tmp_path / "policy.onnx", *sizes, nodes, {"w": weights})
+    policy = ForeignPolicy(tmp_path / "policy.onnx", "crossing")
+    seen = np.zeros((2, 14), np.float32)
+    seen[0, 0], seen[1, :2] = 1.0, (2.0, 3.0)
+    with pytest.raises(SpecError, match=r"the network chose \[2.0, 3.0\]; the choices are 0 to \[1, 2\]"):
+        policy.act(seen)
+    seen[1, :2] = math.inf, 0.0
+    with pytest.raises(SpecError, match=r"the network chose \[inf, .*\]; the choices are 0 to \[1, 2\]"):
+        policy.act(seen)
 
 
 def test_without_the_runtime_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

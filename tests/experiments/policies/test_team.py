@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from typer.testing import CliRunner
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.cli.app import app
+from autodrive.experiments.envs.rendered_world import RenderedWorld
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PolicyRacer
@@ -66,6 +69,30 @@ def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
     results = show(Team(task, start), 3, seed=1, mode=None)
     assert results.has_collided.all()
     assert results.is_at_fault.tolist() == [[False, True]] * 3
+    assert not results.is_success.any()
+
+
+def test_an_unstable_physics_ends_the_episode_of_both_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No driver sees numbers that are not finite."""
+    seen: list[np.ndarray] = []
+
+    def start(_: int) -> Act:
+        def act(observations: np.ndarray, _: CarReadings) -> Floats:
+            seen.append(observations)
+            return np.zeros((2, 2))
+
+        return act
+
+    def diverge(rendered: RenderedWorld, *step: Any) -> Any:
+        if len(seen) == 3:
+            rendered.world.compiled.state.qvel[0] = math.nan
+        return move(rendered, *step)
+
+    move = RenderedWorld.step
+    monkeypatch.setattr(RenderedWorld, "step", diverge)
+    results = show(Team(duel_team(Policy.find("race"), Policy.find("race")).task, start), 1, mode=None)
+    assert len(seen) == 3
+    assert np.isfinite(seen).all()
     assert not results.is_success.any()
 
 

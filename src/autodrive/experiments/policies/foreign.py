@@ -147,10 +147,10 @@ class ForeignPolicy:
         branches, width = self.shape.branches, values.shape[1]
         limits = {1: (self.shape.choices,), len(branches): branches}.get(width)
         if limits is not None:
-            columns = np.rint(values).astype(np.int64) if np.isfinite(values).all() else np.full(values.shape, -1)
-            if ((columns < 0) | (columns >= limits)).any():
+            columns = np.where(np.isfinite(values), np.rint(values), -1).astype(np.int64)
+            for row in np.flatnonzero(((columns < 0) | (columns >= limits)).any(axis=1))[:1]:
                 raise self._error(
-                    f"the network chose {values[0].tolist()}; the choices are 0 to {[n - 1 for n in limits]}"
+                    f"the network chose {values[row].tolist()}; the choices are 0 to {[n - 1 for n in limits]}"
                 )
         elif np.isnan(values).any():
             raise self._error("the scores of the network are not numbers")

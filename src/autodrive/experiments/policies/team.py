@@ -238,8 +238,9 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     for step in range(STEPS[task.name]):
         commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
-        cars = CarReadings.of(rendered.step(commands[None], TICKS), len(names))
-        outcome = seen.advance(cars)
+        readings = rendered.step(commands[None], TICKS)
+        cars = CarReadings.of(readings, len(names))
+        outcome = seen.advance(cars, np.repeat(readings.is_unstable, len(names)))
         is_late = step + 1 == STEPS[task.name]
         tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)
         if tally.is_over.all():
