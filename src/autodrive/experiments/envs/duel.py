@@ -2,16 +2,16 @@
 
 Variant "published": the benchmark of the AutoDRIVE Ecosystem (arXiv 2309.10007).
 
-- Observation, 55 numbers: for each of 27 rays of the LIDAR 0 for a hit or 1 for none, and the distance as a part of the
-  range of 10 m; then the absolute forward speed [m/s], rounded to 0.01. The first ray points forward, the next ones by
-  turns to the right and to the left, 10 degrees farther each.
-- Actions: throttle 0.1, 0.5 or 1 with steering 1, 0 or -1.
-- Reward of a step: 0.01 times the absolute forward speed; instead of it 0.01 at one of 8 checkpoints, 0.1 for a lap,
+- Car, track and starts: see `porto`. With random tracks, the start is that of the variant "own".
+- Observation, 55 numbers: for each of 27 rays 0 for a hit or 1 for none, and the distance as a part of the range of
+  10 m; then the absolute forward speed [m/s], rounded to 0.01. The first ray points forward, the next ones by turns to
+  the right and to the left, 10.385 degrees farther each.
+- Actions: throttle 0.1, 0.5 or 1 with steering 1, 0 or -1, for 4 ms.
+- Reward of a step: 0.01 times the absolute forward speed; instead of it 0.01 at one of 21 checkpoints, 0.1 for a lap,
   0.7 for a lap faster than all laps of the car since the last reset with a seed, -1 for a collision.
-- End of a car's episode: a collision, or a lap, which is the success.
-- Start: at rest behind the start line, which is anywhere on the track, 1 m behind each other.
+- End of a car's episode: a collision, or a lap from its start, which is the success.
 
-Angles and length of the rays, the checkpoints and the start are choices: they are not published.
+The places of the checkpoints are choices: they are at equal distances.
 
 Variant "own".
 
@@ -20,26 +20,26 @@ Variant "own".
 - Reward of a step: the distance along the track that the car gains on its rival [m], plus 0.2 times its own; 5 for the
   winner, -5 for the loser, -5 for a collision.
 - End: a collision ends the episode of the car, `laps` laps of one car end that of both; success is to win.
-- Start: as above, on one of several tracks.
+- Start: at rest behind the start line, which is anywhere on one of several tracks, 1 m behind each other.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit
+from autodrive.experiments.envs import porto
 from autodrive.experiments.envs.path import follow
 from autodrive.experiments.envs.task import CarReadings, Feature, Start, StepOutcome
-from autodrive.experiments.envs.time_trial import DRIVEN, PLACE, TRACK, TimeTrial
+from autodrive.experiments.envs.time_trial import DRIVEN, PLACE, TICK, TRACK, TimeTrial
 from autodrive.experiments.envs.variants import Variant, choices, is_published
+from autodrive.scenario.tracks.track import Pose
 
-RAYS, RAY_DEGREES = 27, 10.0
-RAY_RANGE = 10.0
-"""Greatest range of a ray, which is that of the LIDAR [m]."""
-CHECKPOINTS = 8
+CHECKPOINTS = 21
 """Number of checkpoints of a lap, at equal distances."""
 OWN_GAIN, WIN = 0.2, 5.0
 """Factor of the own distance in the reward of a step, and the reward of the end, of the variant "own"."""
@@ -48,10 +48,15 @@ LIDAR = TimeTrial.scan
 BEST, MARK = TimeTrial.memory_size, TimeTrial.memory_size + 1
 """More columns of the memory: best time of a lap before this episode [s], and the checkpoints that are passed."""
 
-BEARINGS = [RAY_DEGREES * ((k + 1) // 2) * (-1.0 if k % 2 else 1.0) for k in range(RAYS)]
+TICKS = 5
+"""Ticks of an action, unless something else is chosen."""
+PUBLISHED_TICK, PUBLISHED_TICKS = 0.001, 4
+"""Duration of a tick of the variant "published" [s], and ticks of an action, unless something else is chosen."""
+
+SIDES = [(k + 1) // 2 * (-1 if k % 2 else 1) for k in range(porto.RAYS)]
+"""Number of each ray of the variant "published" to the left of that ahead, in the order of the ray sensor of ML-Agents."""
+BEARINGS = [side * porto.LAST_DEGREES / max(SIDES) for side in SIDES]
 """Bearings of the rays [deg], left positive."""
-FIRST, EACH = -135.0, 0.25
-"""Bearing of the first ray of the LIDAR, and the angle between two [deg]: vehicles/roboracer.yaml."""
 PUBLISHED = (
     *(
         feature
@@ -88,25 +93,57 @@ class Duel(TimeTrial):
     memory_size = TimeTrial.memory_size + 2
 
     def __init__(
-        self, frame_skip: int, variant: Variant = "own", tracks: int | None = None, track_seed: int = 0, laps: int = 2
+        self,
+        frame_skip: int | None = None,
+        variant: Variant = "own",
+        tracks: int | None = None,
+        track_seed: int = 0,
+        laps: int = 2,
     ) -> None:
-        """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
+        """`frame_skip`: ticks of an action; None: 4 of 1 ms if published, else 5 of 5 ms.
 
-        Raises `SpecError`.
+        `tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or the track `porto` if
+        published. Raises `SpecError`.
         """
         self.is_published = is_published(variant)
-        if tracks is None:
-            tracks = 1 if self.is_published else 3
-        super().__init__(frame_skip, tracks, track_seed, 2, laps)
+        self.frame_skip = frame_skip or (PUBLISHED_TICKS if self.is_published else TICKS)
+        self._has_published_starts = self.is_published and tracks is None
+        super().__init__(
+            self.frame_skip,
+            3 if tracks is None else tracks,
+            track_seed,
+            cars=2,
+            laps=laps,
+            own=porto.track() if self._has_published_starts else None,
+            vehicle=str(porto.car()) if self.is_published else "roboracer",
+            tick=PUBLISHED_TICK if self.is_published else TICK,
+        )
         self.features = PUBLISHED if self.is_published else OWN
         self.known = len(self.features)
         if self.is_published:
             self.choices = choices((0.1, 0.5, 1.0))
-        self._rays = np.array([round((bearing - FIRST) / EACH) for bearing in BEARINGS])
+            self.set_lidar(rate=(1.0 + 1e-9) / self._duration)  # a little more: rounded down, it would be a tick too late
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
         """Draw the starts of both cars; see `TimeTrial.starts`."""
-        return [start._replace(memory=(*start.memory, math.inf, 0.0)) for start in super().starts(rng)]
+        starts = super().starts(rng)
+        if self._has_published_starts:
+            starts = [self._start(name, pose) for name, pose in zip(self.scenario.vehicles, porto.starts(), strict=True)]
+        return [start._replace(memory=(*start.memory, math.inf, 0.0)) for start in starts]
+
+    def _start(self, name: str, pose: Pose) -> Start:
+        """A lap from a pose on the first track."""
+        line = self.tracks.lines[0, : self.tracks.count[0], :2]
+        place = np.hypot(*(line - pose[:2]).T).argmin()
+        return Start({name: pose}, (0.0, float(place), 0.0, 0.0, 0.0))
+
+    def set_lidar(self, **settings: Any) -> None:
+        """Change these `SensorSettings` of the LIDARs of both cars."""
+        vehicles = {
+            name: car.model_copy(update={"sensors": {"lidar": car.sensors["lidar"].model_copy(update=settings)}})
+            for name, car in self.scenario.vehicles.items()
+        }
+        self.scenario = self.scenario.model_copy(update={"vehicles": vehicles})
 
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: StepOutcome) -> None:
         """Judge the last step; see `Task.evaluate`. The two cars of a world follow each other."""
@@ -114,7 +151,7 @@ class Duel(TimeTrial):
         gains = np.zeros(len(memory))
         _follow(cars, t.lines, t.count, t.length, self._reach, memory, gains)
         if self.is_published:
-            _see_rays(cars, self._rays, features)
+            _see_rays(cars, np.array(SIDES) + max(SIDES), features)
             _judge_published(cars, t.length, memory, outcome)
         else:
             _see_sectors(cars, features)

@@ -41,17 +41,17 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
         laps: int = 2,
         max_episode_steps: int | None = STEPS,
         action: Action | None = None,
-        frame_skip: int = 5,
+        frame_skip: int | None = None,
         **settings: Any,
     ) -> None:
-        """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
+        """`tracks`, `track_seed`, `frame_skip`: see `Duel`.
 
         `laps`: of a race of the variant "own". `num_envs`: an even number. `settings`: see `EnvSettings`; without
         `action`, that of the variant. Raises as `DrivingVectorEnv`.
         """
         settings |= {"max_episode_steps": max_episode_steps, "action": action_of(variant, action)}
         task = Duel(frame_skip, variant, tracks, track_seed, laps)
-        super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
+        super().__init__(num_envs, task, frame_skip=task.frame_skip, **settings)
         self._episodes.memory[:, BEST] = np.inf
 
     @property

@@ -117,10 +117,15 @@ class OwnTracks(Tracks):
             placed.append(track if track is tracks[0] else moved(track, by))
             right = max(right, float(np.vstack([placed[-1].centre_line[:, :2], *placed[-1].walls])[:, 0].max()))
         text = whole(placed, tracks[0].title).text()
-        folder = _writable(cache_folder("own_tracks", "scenario/tracks", also=text))
-        make_folder(folder)
-        write_file(folder / f"{tracks[0].name}.yaml", text)
-        super().__init__(folder / f"{tracks[0].name}.yaml", placed)
+        super().__init__(cached_file("own_tracks", f"{tracks[0].name}.yaml", text), placed)
+
+
+def cached_file(kind: str, name: str, text: str) -> Path:
+    """The file of that name with this text in the cache, or, where that cannot be written, in a temporary folder."""
+    folder = _writable(cache_folder(kind, "scenario/tracks", also=text))
+    make_folder(folder)
+    write_file(folder / name, text)
+    return folder / name
 
 
 def moved(track: Track, by: Floats) -> Track:

@@ -89,10 +89,13 @@ class TimeTrial(Task):
         radius: Range | None = None,
         area: tuple[float, float] = AREA,
         own: TrackLike | Sequence[TrackLike] | None = None,
+        vehicle: str = "roboracer",
+        tick: float = TICK,
     ) -> None:
         """`laps`: after which the task is accomplished. `width`, `length`, `radius`, `area`: see `RaceTracks` [m].
 
-        `own`: a track or several, instead of random ones. Raises `SpecError`.
+        `own`: a track or several, instead of random ones. `vehicle`: name or file. `tick`: duration of a tick [s].
+        Raises `SpecError`.
         """
         errors = whole_number_errors(
             {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
@@ -121,7 +124,7 @@ class TimeTrial(Task):
             map=str(self.tracks.file),
             vehicles={
                 name: VehiclePlacement(
-                    type="roboracer",
+                    type=vehicle,
                     x=x,
                     y=y,
                     yaw_deg=math.degrees(yaw),
@@ -129,10 +132,10 @@ class TimeTrial(Task):
                 )
                 for name, (x, y, yaw) in self._grid(0, int(self.tracks.starts[0][0]), cars).items()
             },
-            tick=TICK,
+            tick=tick,
         )
         self._preview = np.array([round(distance / SPACING) for distance in PREVIEW])
-        self._duration = TICK * frame_skip
+        self._duration = tick * frame_skip
         self._reach = math.ceil(TOP_SPEED * self._duration / SPACING) + 2
 
     def start(self, rng: np.random.Generator) -> Start:

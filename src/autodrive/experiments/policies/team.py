@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from autodrive.experiments.policies.policy import Policy
 
 TICKS = 5
-"""Ticks of an action."""
-STEPS = {"crossing": 600, "duel": 4800}
-"""Most steps of an episode, by task."""
+"""Ticks of an action in the crossing."""
+SECONDS = {"crossing": 30.0, "duel": 120.0}
+"""Longest duration of an episode [s], by task."""
 TRACKS, TRACK_SEED = 8, 1000
 """Random tracks of a duel of policies; none of them is trained on."""
 
@@ -48,6 +48,16 @@ class Team(NamedTuple):
     task: Task
     start: Callable[[int], Act]
     """Makes what drives so many cars, whose episodes begin."""
+
+    @property
+    def ticks(self) -> int:
+        """Ticks of an action."""
+        return self.task.frame_skip if isinstance(self.task, Duel) else TICKS
+
+    @property
+    def steps(self) -> int:
+        """Most steps of an episode."""
+        return round(SECONDS[self.task.name] / (self.task.scenario.tick * self.ticks))
 
 
 class Results(NamedTuple):
@@ -124,9 +134,8 @@ def drive(team: Team, episodes: int, seed: int = 0) -> Results:
     """The results of that many episodes with the seeds `seed`, `seed` + 1, ..."""
     task = team.task
     cars = len(task.scenario.vehicles)
-    steps = STEPS[task.name]
     envs = SeveralCarsVectorEnv(
-        cars * episodes, task, max_episode_steps=steps, autoreset_mode="NextStep", frame_skip=TICKS
+        cars * episodes, task, max_episode_steps=team.steps, autoreset_mode="NextStep", frame_skip=team.ticks
     )
     tally = _Tally(task, cars * episodes)
     act = team.start(cars * episodes)
@@ -153,7 +162,7 @@ def show(
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
-    settings = EnvSettings(observation="state", frame_skip=TICKS, render_mode=mode)
+    settings = EnvSettings(observation="state", frame_skip=team.ticks, render_mode=mode)
     results: list[Results] = []
     world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
     with closing(world) as rendered:
@@ -191,10 +200,9 @@ def _is_own_duel(task: Task) -> bool:
 
 
 def _duel(variant: Literal["own", "published"], has_noise: bool, **settings: Any) -> Duel:
-    task = Duel(TICKS, variant, **settings)
+    task = Duel(None, variant, **settings)
     if not has_noise:
-        cars = {name: car.model_copy(update={"sensors": {}}) for name, car in task.scenario.vehicles.items()}
-        task.scenario = task.scenario.model_copy(update={"vehicles": cars})
+        task.set_lidar(noise="file")
     return task
 
 
@@ -235,13 +243,13 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     )
     seen.begin(np.arange(len(starts)), starts, cars)
     tally, act = _Tally(task, len(names)), team.start(len(names))
-    for step in range(STEPS[task.name]):
+    for step in range(team.steps):
         commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
-        readings = rendered.step(commands[None], TICKS)
+        readings = rendered.step(commands[None], team.ticks)
         cars = CarReadings.of(readings, len(names))
         outcome = seen.advance(cars, np.repeat(readings.is_unstable, len(names)))
-        is_late = step + 1 == STEPS[task.name]
+        is_late = step + 1 == team.steps
         tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)
         if tally.is_over.all():
             break
