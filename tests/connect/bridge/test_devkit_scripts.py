@@ -229,13 +229,13 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
             process.kill()
     first, *others = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("]")]
     assert (counters.profile, counters.refused_values) == ("roboracer", 0)
-    assert [car["ranges"] for car in first] == [1080, 1080]
+    assert [car["ranges"] for car in first] == [1081, 1081]
     assert [car["image"] for car in first] == [[36, 64, 3]] * 2
     assert drive.count == 1
     red, green = others[-1]
     assert (red["throttle"], green["throttle"]) == (0.1, 0.2)
     assert 0.0 < red["linear_velocity"][0] < green["linear_velocity"][0]
-    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=1e-4)
+    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=2e-3)  # of the centre of mass
 
 
 # -- the parsers of the devkits ----------------------------------------------------------------------------------
