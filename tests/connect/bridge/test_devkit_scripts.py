@@ -231,13 +231,14 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
             process.kill()
     first, *others = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("]")]
     assert (counters.profile, counters.refused_values) == ("roboracer", 0)
-    assert [car["ranges"] for car in first] == [1080, 1080]
+    assert [car["ranges"] for car in first] == [1081, 1081]
     assert [car["image"] for car in first] == [[36, 64, 3]] * 2
     assert drive.count == 1
     red, green = others[-1]
     assert (red["throttle"], green["throttle"]) == (0.1, 0.2)
     assert 0.0 < red["linear_velocity"][0] < green["linear_velocity"][0]
-    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=1e-4)
+    # the speed is that of the rear axle, the velocity that of the centre of mass, which pitching moves
+    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=2e-3)
 
 
 @pytest.mark.parametrize(("stack", "rays"), [("legacy", [360, 360]), ("newest", [0, 360])])
@@ -264,12 +265,9 @@ def test_a_script_that_reads_gzip_only_drives_nigel_from_the_first_message_on(
     assert set(received[1:]) == {360}
 
 
-def test_the_matlab_toolbox_drives_the_car_of_the_league(tmp_path: Path) -> None:
+def test_the_matlab_toolbox_drives_the_car_of_the_league() -> None:
     """With images of the camera of the car, and without an option."""
-    file = tmp_path / "roboracer.yaml"
-    text = find("vehicle", "roboracer").read_text().replace("rays: 1080", "rays: 1081")
-    file.write_text(text.replace("width: 640 ", "width: 192 ").replace("height: 360", "height: 108"))
-    places = {"V1": VehiclePlacement(type=str(file), is_autonomous=True)}
+    places = {"V1": VehiclePlacement(type="roboracer", is_autonomous=True)}
     world = autodrive.make(ScenarioSpec(vehicles=places, tick=0.025), cameras="software")
     camera = world.vehicle_specs["V1"].cameras["front"]
     toolbox = MatlabToolbox()
