@@ -32,8 +32,8 @@ class Profile:
     """Whether keys have a vehicle prefix ('V1 Throttle') and traffic lights exist; otherwise a single vehicle."""
     decimals: int
     """Digits after the decimal point."""
-    lidar: LidarFormat
-    """Format of scans."""
+    lidar: LidarFormat | None
+    """Format of scans; None: an empty text."""
     has_speed: bool
     """Whether telemetry has a 'Speed' key."""
     steering: Side
