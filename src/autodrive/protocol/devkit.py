@@ -151,7 +151,7 @@ def _vehicle_telemetry(
     if profile.has_speed:
         yield "Speed", text(abs(vehicle.speed))
     if profile.has_race:
-        yield "Linear Velocity", text(*vehicle.velocity.tolist())
+        yield "Linear Velocity", text(*profile.velocity(vehicle))
     yield "Encoder Ticks", " ".join(map(str, vehicle.encoders.ticks.tolist()))
     yield "Encoder Angles", text(*vehicle.encoders.angles.tolist())
     lever = rotate((w, x, y, z), profile.origin)

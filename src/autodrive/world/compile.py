@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,6 +99,12 @@ class CompiledScenario(CheckedScenario):
     """The traffic."""
     owners: list[str]
     """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
+
+    @property
+    def standing(self) -> dict[str, Callable[[float, float, float], tuple[float, ...]]]:
+        """Of each object and vehicle, by name: its pose (`Poses`) on the ground at x, y [m] with heading yaw [rad]."""
+        vehicles = {name: vehicle.standing for name, vehicle in self.vehicles.items()}
+        return {box.name: box.standing for box in self.boxes} | vehicles
 
 
 def compile_specs(specs: Specs) -> CompiledScenario:

@@ -17,7 +17,6 @@ from autodrive.base.transforms import (
     Vector,
     compose,
     inverse,
-    quaternion_from_yaw,
     rotation_vector,
 )
 from autodrive.physics.engine import AWAKE
@@ -49,9 +48,7 @@ class Poses:
         """`State.qpos` after a reset."""
         self.held: dict[str, Held] = {}
         """The vehicles that are held."""
-        heights = {box.name: 0.5 * box.size[2] for box in compiled.boxes}
-        self._heights = heights | {name: vehicle.ride_height for name, vehicle in compiled.vehicles.items()}
-        """Height of the origin of each vehicle and object that stands on the ground [m], by name."""
+        self._standing = compiled.standing
 
     def noun(self, name: str) -> str:
         """Kind and name of a vehicle or an object for messages, such as "vehicle 'V1'"."""
@@ -76,7 +73,7 @@ class Poses:
                 f"{self.noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
                 f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
             )
-        return np.array([float(x), float(y), self._heights[name], *quaternion_from_yaw(float(yaw))])
+        return np.array(self._standing[name](float(x), float(y), float(yaw)))
 
     def at_start(self, seed: int, poses: Mapping[str, Sequence[float]] | None) -> Floats:
         """`State.qpos` at the start with that seed; `poses`: see `World.reset`.
@@ -93,7 +90,7 @@ class Poses:
         fleet = self._compiled.fleet
         if fleet.names:  # the traffic starts away from other vehicles and objects
             others: list[tuple[float, float]] = []
-            for name in self._heights:
+            for name in self._standing:
                 if name not in fleet.names:
                     qpos = self._compiled.engine.body(name)[1]
                     x, y = placed.get(name, self.initial[qpos : qpos + 2])[:2]

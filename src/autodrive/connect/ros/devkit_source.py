@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import simplejpeg
 
-from autodrive.base.transforms import euler_from_quaternion, rotate
+from autodrive.base.transforms import cross, euler_from_quaternion, rotate
 from autodrive.connect.devkit import F1TENTH, Server
 from autodrive.connect.ros.cars import CARS, Car
 from autodrive.connect.ros.config import Config
@@ -217,7 +217,7 @@ class _DevkitVehicle:
         euler = np.array(euler_from_quaternion(orientation))
         return VehicleFrame(
             pose=Pose(position, orientation),
-            velocity=_vector(state.linear_velocity, (self._speed, 0.0, 0.0)),
+            velocity=self._velocity(angular_velocity),
             angular_velocity=angular_velocity,
             throttle=state.throttle or 0.0,
             steering=steering,
@@ -231,6 +231,13 @@ class _DevkitVehicle:
             collision_count=state.collision_count or 0,
             race=self._race(),
         )
+
+    def _velocity(self, angular_velocity: np.ndarray) -> np.ndarray:
+        """Velocity of the origin of the vehicle frame, in its axes [m/s]."""
+        sent = self._state.linear_velocity
+        if sent is None or len(sent) != 3:
+            return np.array([self._speed, 0.0, 0.0])
+        return np.asarray(sent, float) - cross(angular_velocity, self._config.devkit_profile.velocity_at)
 
     def new_pictures(self, data: Mapping[str, Any], now: float) -> dict[str, Picture]:
         """New images by camera; their pose is unknown."""
@@ -279,7 +286,7 @@ class _DevkitVehicle:
     def contradiction(self, name: str) -> str:
         """Why the new scan is not one of the configured car, the first time; '' otherwise."""
         car, count = self._config.car, 0 if self.new_scan is None else len(self.new_scan.ranges)
-        if self._is_checked or count in (car.lidar_rays, car.lidar_rays + 1):
+        if self._is_checked or abs(count - car.lidar_rays) <= 1:
             return ""
         self._is_checked = True
         known = " or ".join(f"'{other.name}'" for other in CARS.values())

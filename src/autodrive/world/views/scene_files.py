@@ -125,7 +125,7 @@ def _vehicle(name: str, spec: VehicleSpec, world: World, files: _Files) -> Vehic
         lidar=lidar and _pose(lidar.mount),
         wheelbase=spec.wheelbase,
         wheel_radius=spec.wheels.radius,
-        speed_limit=spec.drivetrain.speed_limit * spec.wheels.radius,
+        speed_limit=spec.full_throttle_speed,
         sensor_noise=sensor_noise(sensors),
         size=spec.size,
         sensors={name: _sensor(sensor) for name, sensor in sensors.items()},
