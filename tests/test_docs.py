@@ -98,10 +98,10 @@ def test_cameras_of_the_document_fit_the_car(tmp_path: Path) -> None:
 
 def test_drive_and_tyres_of_the_document_fit_the_race_cars(tmp_path: Path) -> None:
     drive, tyres = (yaml.safe_load(text) for text in examples("race_car.md"))
-    drivetrain = load_vehicle(car_file(tmp_path, drive, "roboracer")).drivetrain
-    league = load_vehicle("roboracer").drivetrain
+    drivetrain = load_vehicle(car_file(tmp_path, drive, "roboracer_physical")).drivetrain
+    physical = load_vehicle("roboracer_physical").drivetrain
     assert drivetrain.differentials.rear.limits == (0.02, 0.5)
-    assert drivetrain.model_copy(update={"differentials": league.differentials}) == league
+    assert drivetrain.model_copy(update={"differentials": physical.differentials}) == physical
     car = load_vehicle("roboracer_f1tenth")
     changed = load_vehicle(
         car_file(tmp_path, {f"wheels.{name}": one for name, one in tyres.items()}, "roboracer_f1tenth")
@@ -179,7 +179,7 @@ def test_the_race_of_the_document_drives() -> None:
     names = run("race_car.md")
     car = names["frame"].vehicles["V1"]
     assert car.speed > 4.5
-    assert len(car.lidar.ranges) == 1080
+    assert len(car.lidar.ranges) == 1081
 
 
 @pytest.mark.parametrize(

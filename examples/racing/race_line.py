@@ -12,7 +12,7 @@ import numpy as np
 from autodrive.devkit import RoboRacer, drive
 from autodrive.scenario.tracks import Track
 
-TOP_SPEED = 22.88  # speed of throttle 1 [m/s]
+TOP_SPEED = 25.252  # speed of throttle 1 [m/s]
 STEERING_LIMIT = 0.5236  # [rad]
 WHEELBASE = 0.324  # [m]
 FASTEST = 8.0  # [m/s]

@@ -88,7 +88,7 @@ def test_other_circles_are_those_of_the_documents(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "kinematic", "stated"), [("roboracer_f1tenth", 0.742, 0.744), ("roboracer", 0.561, 0.562)]
+    ("vehicle", "kinematic", "stated"), [("roboracer_f1tenth", 0.742, 0.744), ("roboracer_physical", 0.561, 0.562)]
 )
 def test_without_a_shaft_between_the_axles_the_circle_is_that_of_the_bicycle(
     vehicle: str, kinematic: float, stated: float, tmp_path: Path

@@ -65,7 +65,7 @@ def test_a_drive_without_contact_agrees_with_the_engine_in_every_substep(map_: s
 @pytest.mark.parametrize("track", names("track"))
 def test_a_race_drive_without_contact_agrees_with_the_engine(track: str) -> None:
     """A minute with up to 9 m/s; a policy that keeps off the walls drives both cars by the readings of the first."""
-    spec = ScenarioSpec(map=track, vehicles={"V1": VehiclePlacement(type="roboracer")}, tick=PERIOD)
+    spec = ScenarioSpec(map=track, vehicles={"V1": VehiclePlacement(type="roboracer_physical")}, tick=PERIOD)
     auto, always = autodrive.make(spec), autodrive.make(spec, engine="always")
     racer = PolicyRacer(Policy.load(Path(__file__).with_name("race_drive.npz")))
     with_engine = 0

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 import pytest
-import yaml
 
 import autodrive
 from autodrive import Collision, Command
@@ -24,18 +23,11 @@ from autodrive.world.batch import BatchWorld
 from tests.support.cars import car_file
 from tests.support.hardening import cases
 from tests.support.jams import Energy
+from tests.support.maps import map_file
 
 G = 9.81
 HEADINGS = (0, 10, 37, 45, 90, 123, 180, 211, 270, 300, 345)
 """Eleven angles [degrees]: along the axes, between them, and others."""
-
-
-def map_file(folder: Path, **contents: Any) -> str:
-    """Path of a map on which a car can be anywhere."""
-    path = folder / "contacts.yaml"
-    tree = {"title": "Contacts", "is_draft": True, "ground": {"length": 60.0, "width": 60.0}, **contents}
-    path.write_text(yaml.safe_dump(tree), encoding="utf-8")
-    return str(path)
 
 
 def wall(*points: tuple[float, float], name: str = "wall") -> dict[str, Any]:
@@ -152,7 +144,7 @@ def path(world: World, frame: Placed) -> tuple[Floats, int]:
 
 @pytest.mark.parametrize(
     ("types", "speed", "most"),
-    [(("nigel", "nigel"), 0.0, 1e-6), (("roboracer", "roboracer_f1tenth"), 1.0, 3e-4)],
+    [(("nigel", "nigel"), 0.0, 1e-6), (("roboracer_physical", "roboracer_f1tenth"), 1.0, 3e-4)],
     ids=["nigels", "racers"],
 )
 def test_a_turned_moved_and_mirrored_world_has_the_same_paths(
@@ -255,7 +247,9 @@ def test_an_impact_on_a_wall_has_the_closed_form_of_a_rigid_body(degrees: int, s
     angle = math.radians(degrees)
     map_ = map_file(tmp_path, walls=[wall((-9.0, 0.025), (9.0, 0.025))])
     pose = {"x": -0.9 * math.cos(angle), "y": -0.9 * math.sin(angle) - 0.16, "yaw_deg": degrees}
-    car = car_file(tmp_path, {"body.angular_velocity_max": 100.0}, "roboracer")  # Unity's limit would stop the spin
+    car = car_file(
+        tmp_path, {"body.angular_velocity_max": 100.0}, "roboracer_physical"
+    )  # Unity's limit would stop the spin
     world = autodrive.make(ScenarioSpec(map=map_, vehicles={"V1": VehiclePlacement(type=car, **pose)}, tick=0.001))
     roll(world, 0, speed, angle)
     before, where, after = hit(world, speed)
@@ -302,7 +296,8 @@ def test_friction_of_wheel_and_wall_act_with_their_mean(
 
 # -- crashes -----------------------------------------------------------------------------------------------------
 
-TOP_SPEEDS = {"nigel": 0.44, "nigel_2020": 0.4, "nigel_2023": 0.3, "roboracer": 22.0, "roboracer_f1tenth": 20.0}
+TOP_SPEEDS = {"nigel": 0.44, "nigel_2020": 0.4, "nigel_2023": 0.3}
+TOP_SPEEDS |= {"roboracer": 22.0, "roboracer_physical": 22.0, "roboracer_f1tenth": 20.0}
 """Of the included vehicles [m/s]."""
 
 
@@ -425,7 +420,7 @@ def test_a_car_on_its_side_or_its_roof_comes_to_rest(vehicle: str, roll: float, 
     assert np.linalg.norm(motion[:, 3:], axis=1).max() < 0.005
 
 
-@pytest.mark.parametrize("vehicle", ["roboracer", "roboracer_f1tenth"])
+@pytest.mark.parametrize("vehicle", ["roboracer_physical", "roboracer_f1tenth"])
 def test_a_race_car_lies_on_two_rims_with_the_tilt_at_which_moments_balance(vehicle: str) -> None:
     """Per tilt, the stops k at both ends of the diameters 2 R of two rims turn with 4 k R^2 against the weight W, whose
     centre is at the height h: W e / (4 k R^2 - W h)."""

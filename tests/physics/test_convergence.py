@@ -20,7 +20,7 @@ from tests.support.tables import cells
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "vehicle.md"
 TABLE = cells(DOCUMENT.read_text(encoding="utf-8"), "| vehicle | longest stable substep |")
-RACE_CARS = ("roboracer", "roboracer_f1tenth")
+RACE_CARS = ("roboracer", "roboracer_physical", "roboracer_f1tenth")
 FINE = 0.00003125
 EACH = pytest.mark.parametrize("vehicle", names("vehicle"))
 
@@ -72,7 +72,9 @@ def test_the_end_of_a_slalom_converges_with_first_order_in_the_substep(vehicle: 
     fine = end_of_slalom(vehicle, FINE)
     errors = np.array([float(np.linalg.norm(end_of_slalom(vehicle, h) - fine)) for h in substeps.tolist()])
     constant = errors / (substeps - FINE)  # of the error h - FINE of a result of first order
-    assert constant[1:] == pytest.approx(constant[0], rel=0.25)  # the second order contributes, most with 2 ms
+    # the second order contributes, most with 2 ms
+    assert constant[1:3] == pytest.approx(constant[0], rel=0.25)
+    assert constant[3] == pytest.approx(constant[0], rel=0.4)
     assert figures(vehicle, 3) == pytest.approx(1e3 * errors, rel=0.06, abs=0.006)  # two digits
 
 

@@ -234,7 +234,7 @@ def test_an_unstable_engine_writes_no_file_and_prints_nothing(
 
 @pytest.mark.parametrize("engine", ["auto", "always"])
 def test_the_limit_of_the_angular_velocity_leaves_the_momentum(world_with: WorldWith, engine: str) -> None:
-    world = world_with("roboracer", changes={"body.drag_area": 0.0}, engine=engine)  # at most 7 rad/s
+    world = world_with("roboracer_physical", changes={"body.drag_area": 0.0}, engine=engine)  # at most 7 rad/s
     state, centre = world.compiled.state, np.array([0.15532, 0.0, 0.01434])
     state.qpos[2], state.qvel[3:6] = 2.0, (3.0, -4.0, 12.0)
     place(world.compiled.model, state, world.compiled.views)

@@ -20,9 +20,9 @@ from tests.support.cars import car_file
 from tests.support.physics import magic_formula
 
 G = 9.81
-LEAGUE, GYM = "roboracer", "roboracer_f1tenth"
-TOP_SPEED = {LEAGUE: 22.88, GYM: 20.0}
-LOCK = {LEAGUE: math.radians(30.0), GYM: math.radians(24.0012)}
+PHYSICAL, GYM = "roboracer_physical", "roboracer_f1tenth"
+TOP_SPEED = {PHYSICAL: 22.88, GYM: 20.0}
+LOCK = {PHYSICAL: math.radians(30.0), GYM: math.radians(24.0012)}
 MASS, INERTIA, FRONT, REAR, HEIGHT = 3.74, 0.04712, 0.15875, 0.17145, 0.074  # f1tenth_gym: m, I, lf, lr, h
 STIFFNESS = 1.0489 * 4.718, 1.0489 * 5.4562  # mu C_Sf, mu C_Sr
 LINEAR = {  # the tyres keep the stiffness of the gym at any load and slip
@@ -31,7 +31,7 @@ LINEAR = {  # the tyres keep the stiffness of the gym at any load and slip
     "wheels.magic_formula.sideways.load_sensitivity": 0.0,
     "wheels.magic_formula.relaxation_length": [0.001, 0.001],
 }
-BOTH = pytest.mark.parametrize("car", [LEAGUE, GYM])
+BOTH = pytest.mark.parametrize("car", [PHYSICAL, GYM])
 
 
 class Drive:
@@ -67,15 +67,15 @@ class Drive:
 
 def test_top_speed_is_where_the_motor_balances_the_resistances() -> None:
     """Air drag, rolling resistance and slip of the league's car; the gym's car has none and reaches its limit."""
-    drive = Drive(LEAGUE)
-    drive.step(TOP_SPEED[LEAGUE], seconds=20.0)
+    drive = Drive(PHYSICAL)
+    drive.step(TOP_SPEED[PHYSICAL], seconds=20.0)
     speed, spin = drive.velocity[0], drive.state.wheel_angular_velocity.mean()
     rpm = spin * 60.0 / (2.0 * math.pi)
     motor = 0.40 * (5600.0 - rpm) / (5600.0 - 1200.0)
-    servo = 0.05 * (TOP_SPEED[LEAGUE] / 0.059 - spin)
+    servo = 0.05 * (TOP_SPEED[PHYSICAL] / 0.059 - spin)
     resistance = 0.25 * 0.5 * 1.2 * 0.032 * speed**2 * 0.059 + 1e-4 * spin
     assert min(motor, servo) == pytest.approx(resistance, rel=0.01)  # of the last 0.02 m/s
-    assert 0.94 * TOP_SPEED[LEAGUE] < speed < TOP_SPEED[LEAGUE]
+    assert 0.94 * TOP_SPEED[PHYSICAL] < speed < TOP_SPEED[PHYSICAL]
     drive = Drive(GYM)
     drive.step(TOP_SPEED[GYM], seconds=8.0)
     assert drive.velocity[0] == pytest.approx(20.0, rel=1e-4)
@@ -83,7 +83,7 @@ def test_top_speed_is_where_the_motor_balances_the_resistances() -> None:
 
 @pytest.mark.parametrize(
     ("car", "mass", "torque", "radius", "air", "damping"),
-    [(LEAGUE, 3.906, 0.40, 0.059, 0.5 * 1.2 * 0.032, 1e-4), (GYM, 3.74, 0.478, 0.0508, 0.0, 0.0)],
+    [(PHYSICAL, 3.906, 0.40, 0.059, 0.5 * 1.2 * 0.032, 1e-4), (GYM, 3.74, 0.478, 0.0508, 0.0, 0.0)],
 )
 def test_time_from_0_to_5_metres_per_second_is_that_of_the_motor_torque(
     car: str, mass: float, torque: float, radius: float, air: float, damping: float
@@ -104,7 +104,7 @@ def test_time_from_0_to_5_metres_per_second_is_that_of_the_motor_torque(
     assert 6.0 < 5.0 / time < 9.51  # the physical car: 6 to 9 m/s^2; the limit of the gym
 
 
-@pytest.mark.parametrize(("car", "friction"), [(LEAGUE, 0.464), (GYM, None)])
+@pytest.mark.parametrize(("car", "friction"), [(PHYSICAL, 0.464), (GYM, None)])
 def test_braking_distance_of_locked_wheels_is_that_of_sliding_friction(
     tmp_path: Path, car: str, friction: float | None
 ) -> None:
@@ -152,7 +152,7 @@ def test_lateral_acceleration_has_the_limit_of_the_tyres(car: str) -> None:
     for k in range(300):
         drive.step(6.0, LOCK[car] * k / 300)
         most = max(most, drive.yaw_rate * float(np.hypot(*drive.velocity[:2])))
-    friction = {LEAGUE: 1.0, GYM: 1.0489}[car]
+    friction = {PHYSICAL: 1.0, GYM: 1.0489}[car]
     assert 0.82 * friction * G < most < 1.02 * friction * G  # part of the grip goes into driving and load transfer
 
 
@@ -245,7 +245,7 @@ def test_yaw_rate_overshoots_as_much_as_with_the_relaxation_length_alone(speed: 
 
 def test_roll_and_load_transfer_are_those_of_springs_and_lever_arms() -> None:
     """In a steady circle of the league's car: m a h = sum of the load differences times half the track, k T^2 roll."""
-    drive = Drive(LEAGUE)
+    drive = Drive(PHYSICAL)
     drive.step(3.0, seconds=2.0)
     drive.step(3.0, math.radians(6.0), seconds=4.0)
     state, track, stiffness = drive.state, 0.236, 500.0
@@ -267,8 +267,8 @@ def test_roll_and_load_transfer_are_those_of_springs_and_lever_arms() -> None:
 
 def test_load_moves_to_the_rear_when_the_car_accelerates() -> None:
     """m a h / L, and the pitch of two springs at each end."""
-    drive = Drive(LEAGUE)
-    drive.step(TOP_SPEED[LEAGUE], seconds=1.0)
+    drive = Drive(PHYSICAL)
+    drive.step(TOP_SPEED[PHYSICAL], seconds=1.0)
     state = drive.state
     loads, force = state.wheel_normal_load, float(state.wheel_force[:, 0].sum())
     weight, pitch = 3.906 * G, -2.0 * math.asin(float(state.vehicle_orientation[0, 2]))

@@ -1,6 +1,5 @@
 """Copies of vehicle files with changed values."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,8 @@ def small_images(width: int, height: int) -> dict[str, int]:
 
 
 def top_tread_speed(vehicle: str) -> float:
-    """Speed of the treads at which the drive of an included vehicle is limited [m/s]."""
-    spec = load_vehicle(vehicle)
-    return spec.drivetrain.speed_limit_rpm * 2.0 * math.pi / 60.0 * spec.wheels.radius
+    """Speed of the treads of an included vehicle at full throttle [m/s]."""
+    return load_vehicle(vehicle).full_throttle_speed
 
 
 def car_file(folder: Path, changes: dict[str, Any], vehicle: str = "nigel") -> str:

@@ -91,8 +91,8 @@ def _vehicle_scene(spec: VehicleSpec) -> tuple[RenderScene, RenderState]:
     studio = Asset("studio", (AssetNode("floor", surfaces={"full": (floor,)}),))
     state = RenderState.empty(1, 0)
     state.header["is_day"] = True
-    state.vehicles["position"][0] = 0.0, 0.0, spec.ride_height
-    state.vehicles["orientation"][0, 0] = 1.0
+    pose = spec.standing(0.0, 0.0, 0.0)
+    state.vehicles["position"][0], state.vehicles["orientation"][0] = pose[:3], pose[3:]
     return RenderScene(studio, [store.vehicle(spec)], [], [spec.lights]), state
 
 

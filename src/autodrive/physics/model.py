@@ -51,6 +51,7 @@ VEHICLE = columns(
     wheelbase=np.float64,  # [m]
     steering_limit=np.float64,  # [rad]
     steering_rate_limit=np.float64,  # [rad/s], or infinity
+    steering_unwinds_at_once=np.bool_,
     steering_response=np.float64,  # 1 - exp(-dt / time constant)
     steering_delay=np.int64,  # [substeps]
     drive_is_speed_controlled=np.bool_,

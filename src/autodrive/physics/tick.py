@@ -209,7 +209,12 @@ def _actuate(i: int, model: Model, state: State, throttle: float, steering: floa
     state.steering_target[i] = state.steering_queue[i, (k - v["steering_delay"]) % length]
     state.drive_level[i] = drive_level(state.drive_level[i], state.throttle[i], v["drive_response"])
     state.steering_angle[i] = steered(
-        state.steering_angle[i], state.steering_target[i], v["steering_response"], v["steering_rate_limit"], model.dt
+        state.steering_angle[i],
+        state.steering_target[i],
+        v["steering_response"],
+        v["steering_rate_limit"],
+        v["steering_unwinds_at_once"],
+        model.dt,
     )
 
 

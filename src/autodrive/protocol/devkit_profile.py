@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.transforms import Vector, cross
+
+if TYPE_CHECKING:
+    from autodrive.protocol.messages import VehicleFrame
 
 DevkitKeys: TypeAlias = Literal["plain", "prefixed"]
 """'Throttle' of a single vehicle; 'V1 Throttle', with traffic lights."""
@@ -28,8 +32,8 @@ class Profile:
     """Whether keys have a vehicle prefix ('V1 Throttle') and traffic lights exist; otherwise a single vehicle."""
     decimals: int
     """Digits after the decimal point."""
-    lidar: LidarFormat
-    """Format of scans."""
+    lidar: LidarFormat | None
+    """Format of scans; None: an empty text."""
     has_speed: bool
     """Whether telemetry has a 'Speed' key."""
     steering: Side
@@ -38,6 +42,8 @@ class Profile:
     """Direction of a positive steering feedback."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Reference point of the position, in the vehicle frame (origin: centre of the rear axle) [m]."""
+    velocity_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Point whose velocity is sent, in the vehicle frame [m]."""
     has_race: bool = False
     """Whether telemetry has the velocity as a vector, laps and collisions."""
     has_common_reset: bool = False
@@ -49,6 +55,12 @@ class Profile:
     def is_prefixed(self) -> bool:
         """Whether keys have a vehicle prefix."""
         return self.keys == "prefixed"
+
+    def velocity(self, vehicle: VehicleFrame) -> Vector:
+        """Velocity that is sent, in the axes of the vehicle [m/s]."""
+        turn = cross(vehicle.angular_velocity, self.velocity_at)
+        x, y, z = (float(v) + d for v, d in zip(vehicle.velocity, turn, strict=True))
+        return x, y, z
 
     @property
     def command_sign(self) -> float:
@@ -76,6 +88,7 @@ PROFILES = {
         # the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
         Profile(
             *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
+            velocity_at=(0.15532, 0.00008, 0.01434),  # the centre of mass: IMU.cs reads the rigid body
             has_race=True,
             has_common_reset=True,
             cameras=("front",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,6 +100,12 @@ class CompiledScenario(CheckedScenario):
     owners: list[str]
     """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
 
+    @property
+    def standing(self) -> dict[str, Callable[[float, float, float], tuple[float, ...]]]:
+        """Of each object and vehicle, by name: its pose (`Poses`) on the ground at x, y [m] with heading yaw [rad]."""
+        vehicles = {name: vehicle.standing for name, vehicle in self.vehicles.items()}
+        return {box.name: box.standing for box in self.boxes} | vehicles
+
 
 def compile_specs(specs: Specs) -> CompiledScenario:
     """Compiles a scenario. Raises `SpecProblems` with all problems."""
@@ -120,7 +126,7 @@ def _checked(specs: Specs) -> CheckedScenario:
     configured, wrong_sensors = _configured(spec, vehicles)
     own_sensors, wrong_own_sensors = _own_sensors(specs, spec, configured)
     boxes, unknown_boxes = _boxes(spec, map_)
-    race, wrong_race = _race(specs, map_)
+    race, wrong_race = _race(specs, map_, [box.name for box in boxes])
     twice = _names_used_twice(spec, map_, boxes)
     problems += [
         (_at("light_programs", name), f": {text}")
@@ -213,7 +219,7 @@ def _owners(map_: Map, geoms: Sequence[Geom]) -> list[str]:
     return [name.split("/")[0] for name in names]
 
 
-def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
+def _race(specs: Specs, map_: Map, boxes: Collection[str]) -> tuple[Race | None, list[Problem]]:
     """The race of a scenario, and problems. On a race track laps are always timed."""
     spec = specs.scenario
     race = spec.race or RaceSpec()
@@ -225,7 +231,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
         rules = specs.rules.spec
         if race.laps is not None:
             rules = rules.model_copy(update={"race_laps": race.laps})
-        return Race([*spec.vehicles], track, rules, spec.tick), []
+        return Race([*spec.vehicles], track, rules, spec.tick, boxes), []
     except SpecError as error:
         return None, [(_at("race"), f": {text}") for text in error.errors]
 

@@ -71,7 +71,7 @@ def traffic_warnings(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) ->
             (PlaceInFile("scenario", ("traffic",)), ": without 'cars' there is no traffic; write for example cars: 5")
         ]
     cars = [vehicles[name] for name in traffic.names if name in vehicles]
-    top = min((car.drivetrain.speed_limit * car.wheels.radius for car in cars), default=traffic.speed)
+    top = min((car.full_throttle_speed for car in cars), default=traffic.speed)
     if traffic.speed <= top:
         return []
     text = f": cars of the type '{traffic.type}' drive at most {top:.3g} m/s, not {traffic.speed:g} m/s"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,9 +16,7 @@ from autodrive.base.transforms import (
     Quaternion,
     Vector,
     compose,
-    euler_from_quaternion,
     inverse,
-    quaternion_from_yaw,
     rotation_vector,
 )
 from autodrive.physics.engine import AWAKE
@@ -50,9 +48,7 @@ class Poses:
         """`State.qpos` after a reset."""
         self.held: dict[str, Held] = {}
         """The vehicles that are held."""
-        heights = {box.name: 0.5 * box.size[2] for box in compiled.boxes}
-        self._heights = heights | {name: vehicle.ride_height for name, vehicle in compiled.vehicles.items()}
-        """Height of the origin of each vehicle and object that stands on the ground [m], by name."""
+        self._standing = compiled.standing
 
     def noun(self, name: str) -> str:
         """Kind and name of a vehicle or an object for messages, such as "vehicle 'V1'"."""
@@ -77,13 +73,7 @@ class Poses:
                 f"{self.noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
                 f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
             )
-        return np.array([float(x), float(y), self._heights[name], *quaternion_from_yaw(float(yaw))])
-
-    def seen_from_above(self) -> list[tuple[float, float, float]]:
-        """x, y [m] and heading [rad] of the vehicles."""
-        state = self._compiled.state
-        poses = zip(state.vehicle_position.tolist(), state.vehicle_orientation.tolist(), strict=True)
-        return [(*position[:2], euler_from_quaternion(orientation)[2]) for position, orientation in poses]
+        return np.array(self._standing[name](float(x), float(y), float(yaw)))
 
     def at_start(self, seed: int, poses: Mapping[str, Sequence[float]] | None) -> Floats:
         """`State.qpos` at the start with that seed; `poses`: see `World.reset`.
@@ -100,7 +90,7 @@ class Poses:
         fleet = self._compiled.fleet
         if fleet.names:  # the traffic starts away from other vehicles and objects
             others: list[tuple[float, float]] = []
-            for name in self._heights:
+            for name in self._standing:
                 if name not in fleet.names:
                     qpos = self._compiled.engine.body(name)[1]
                     x, y = placed.get(name, self.initial[qpos : qpos + 2])[:2]
@@ -156,13 +146,22 @@ class Poses:
                     getattr(c.state, f"wheel_{column}")[4 * i : 4 * i + 4] = 0.0
         observe(c.model, c.state)
 
-    def place_at_first(self, name: str, poses: Iterable[tuple[float, float, float]]) -> bool:
-        """Place a vehicle at the first of these poses on the ground (x, y [m], yaw [rad]) that is free; if one is."""
-        for pose in poses:
-            with contextlib.suppress(CommandError):  # the place is taken
-                self.place({name: self.on_ground(name, *pose)})
-                return True
-        return False
+    def place_at_first(self, choices: Mapping[str, Sequence[tuple[float, float, float]]]) -> list[str]:
+        """Place vehicles together at their first poses on the ground (x, y [m], yaw [rad]), if all of these are free.
+
+        Else each one goes to the first of its poses that is free. Returns the vehicles that were placed.
+        """
+        with contextlib.suppress(CommandError):
+            self.place({name: self.on_ground(name, *poses[0]) for name, poses in choices.items()})
+            return list(choices)
+        placed: list[str] = []
+        for name, poses in choices.items():
+            for pose in poses:
+                with contextlib.suppress(CommandError):  # the place is taken
+                    self.place({name: self.on_ground(name, *pose)})
+                    placed.append(name)
+                    break
+        return placed
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
         """Hold a vehicle at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""

@@ -26,7 +26,8 @@ from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
-from tests.connect.bridge.conftest import ROOT, Resets, python_of, script
+from tests.connect.bridge.conftest import ROOT, Resets, peer, python_of, script
+from tests.connect.bridge.servers.matlab_toolbox import MatlabToolbox
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.lockstep import answered_ticks
 from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
@@ -35,6 +36,7 @@ FOLLOW_LOOP = ROOT / "examples" / "devkit" / "follow_loop.py"
 FOLLOW_LANE = ROOT / "examples" / "devkit" / "follow_lane.py"
 SLOW = Path(__file__).parent / "servers" / "slow.py"
 LEAGUE = Path(__file__).parent / "servers" / "league.py"
+AALTO = Path(__file__).parent / "servers" / "aalto.py"
 READ_TELEMETRY = Path(__file__).parent / "servers" / "read_telemetry.py"
 SMALL_IMAGES = {("V1", side): (64, 48) for side in ("front", "rear")}
 """Eventlet unmasks messages byte by byte in Python, and the script decodes them."""
@@ -229,13 +231,66 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
             process.kill()
     first, *others = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("]")]
     assert (counters.profile, counters.refused_values) == ("roboracer", 0)
-    assert [car["ranges"] for car in first] == [1080, 1080]
+    assert [car["ranges"] for car in first] == [1081, 1081]
     assert [car["image"] for car in first] == [[36, 64, 3]] * 2
     assert drive.count == 1
     red, green = others[-1]
     assert (red["throttle"], green["throttle"]) == (0.1, 0.2)
     assert 0.0 < red["linear_velocity"][0] < green["linear_velocity"][0]
-    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=1e-4)
+    # the speed is that of the rear axle, the velocity that of the centre of mass, which pitching moves
+    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=2e-3)
+
+
+@pytest.mark.parametrize(("stack", "rays"), [("legacy", [360, 360]), ("newest", [0, 360])])
+@pytest.mark.toolchain
+def test_a_script_that_reads_gzip_only_drives_nigel_from_the_first_message_on(
+    simulation: Simulation, stack: str, rays: list[int], tmp_path: Path
+) -> None:
+    """The bridge node of Aalto University: an exception ends it, and so does a message that is sent again."""
+    port, lines = free_port(), tmp_path / "lines"
+    command = [python_of(stack), AALTO, "--port", str(port)]
+    with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT) as process:
+        try:
+            wait_until(lambda: is_listening(port) or process.poll() is not None)
+            bridge = DevkitBridge(simulation, port=port, image_sizes=lambda: SMALL_IMAGES, resend_delay=2 * LIMIT)
+            with bridge:
+                wait_until(lambda: process.poll() is not None or bridge.counters.commands_received > 20)
+                counters = bridge.counters
+            assert process.poll() is None, lines.read_text()
+        finally:
+            process.kill()
+    assert (counters.dialect, counters.profile, counters.resends) == (STACKS[stack], "2025", 0)
+    received = [int(line) for line in lines.read_text().splitlines() if line.isdigit()]  # not the warnings of libraries
+    assert received[:2] == rays
+    assert set(received[1:]) == {360}
+
+
+def test_the_matlab_toolbox_drives_the_car_of_the_league() -> None:
+    """With images of the camera of the car, and without an option."""
+    places = {"V1": VehiclePlacement(type="roboracer", is_autonomous=True)}
+    world = autodrive.make(ScenarioSpec(vehicles=places, tick=0.025), cameras="software")
+    camera = world.vehicle_specs["V1"].cameras["front"]
+    toolbox = MatlabToolbox()
+    simulation = Simulation(world)
+    with (
+        peer(toolbox) as port,
+        simulation,
+        DevkitBridge(
+            simulation,
+            port=port,
+            images=partial(images_of, encoder=JpegEncoder()),
+            image_sizes=lambda: {("V1", "front"): (camera.width, camera.height)},
+            vehicle_profile=lambda: world.vehicle_specs["V1"].devkit_profile,
+        ) as bridge,
+    ):
+        wait_until(lambda: toolbox.errors or simulation.frame.vehicles["V1"].speed > 0.5)
+        counters = bridge.counters
+        steering = simulation.frame.vehicles["V1"].steering
+    assert not toolbox.errors
+    assert (counters.dialect, counters.profile, counters.bad_packets) == (Dialect.RAW, "roboracer", 0)
+    assert steering > 0.0
+    assert toolbox.readings[-1].numbers["Speed"] > 0.0
+    assert toolbox.readings[-1].picture.std() > 1.0  # not the black image of a camera without one
 
 
 # -- the parsers of the devkits ----------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ def response(time_constant: float, dt: float) -> float:
 def test_a_servo_without_rate_limit_approaches_its_target_exponentially() -> None:
     angle, dt, time_constant = 0.0, 0.001, 0.02
     for k in range(1, 200):
-        angle = steered(angle, 0.5, response(time_constant, dt), math.inf, dt)
+        angle = steered(angle, 0.5, response(time_constant, dt), math.inf, False, dt)
         expected = 0.5 * (1.0 - math.exp(-k * dt / time_constant))
         assert angle == pytest.approx(expected, rel=1e-12)  # exact for a constant target, except for rounding
 
@@ -32,7 +32,7 @@ def test_a_servo_without_rate_limit_approaches_its_target_exponentially() -> Non
 def test_a_servo_without_lag_moves_at_its_rate_limit_and_stops_at_its_target() -> None:
     angle, dt, rate = -0.3, 0.001, 2.0
     for k in range(1, 400):
-        angle = steered(angle, 0.3, 1.0, rate, dt)
+        angle = steered(angle, 0.3, 1.0, rate, False, dt)
         assert angle == pytest.approx(min(0.3, -0.3 + rate * k * dt), abs=1e-12)  # rounding of 400 sums
     assert angle == 0.3
 
@@ -41,14 +41,50 @@ def test_a_servo_without_lag_moves_at_its_rate_limit_and_stops_at_its_target() -
 def test_a_servo_never_overshoots_or_exceeds_its_rate_limit(
     angle: float, target: float, share: float, rate: float, dt: float
 ) -> None:
-    after = steered(angle, target, share, rate, dt)
+    after = steered(angle, target, share, rate, False, dt)
     assert min(angle, target) - 1e-15 <= after <= max(angle, target) + 1e-15  # a rounding of 1 in 2^53
     assert abs(after - angle) <= rate * dt + 1e-15
 
 
 @given(angles, angles, st.floats(0.001, 1.0), st.floats(0.1, 50.0))
 def test_left_mirrors_right(angle: float, target: float, share: float, rate: float) -> None:
-    assert steered(-angle, -target, share, rate, 0.001) == -steered(angle, target, share, rate, 0.001)
+    mirrored = steered(-angle, -target, share, rate, False, 0.001)
+    assert mirrored == -steered(angle, target, share, rate, False, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("angle", "target", "after"),
+    [
+        (0.0, 0.5, 0.01),  # angles that grow to the same side are limited
+        (0.2, 0.5, 0.21),
+        (-0.2, -0.5, -0.21),
+        (0.5, 0.2, 0.2),  # a smaller angle is reached at once, on either side
+        (-0.5, -0.2, -0.2),
+        (0.5, 0.0, 0.0),
+        (0.5, -0.3, -0.3),
+        (-0.5, 0.3, 0.3),
+        (0.2, -0.5, 0.19),  # a greater angle on the other side is limited
+        (-0.2, 0.5, -0.19),
+        (LIMIT, -LIMIT, LIMIT - 0.01),  # from full left to full right: limited; the other way round: at once
+        (-LIMIT, LIMIT, LIMIT),
+    ],
+)
+def test_the_published_program_limits_only_greater_angles(angle: float, target: float, after: float) -> None:
+    """Unity's angle s is right positive; it grows by the rate if command <= s / limit, up to -command limit."""
+    assert steered(angle, target, 1.0, 10.0, True, 0.001) == pytest.approx(after, abs=1e-12)
+    command, unity = target / LIMIT, -angle  # the lines of VehicleController.cs, in Unity's sign
+    unity = max(unity - 0.01, -target) if command > unity / LIMIT else min(unity + 0.01, -target)
+    assert -unity == pytest.approx(after, abs=1e-12)
+
+
+def test_the_league_car_steers_as_the_published_program() -> None:
+    """183.346 degrees/s, 30 degrees: 0.1636 s from straight on to full lock, and back within a step."""
+    angles = steering_after_each_substep("roboracer", [1.0] * 170 + [0.0] * 2 + [-1.0] * 20 + [0.1] * 2)
+    assert angles[162] < LIMIT
+    assert angles[163] == pytest.approx(LIMIT, abs=1e-3)
+    assert angles[170] == 0.0
+    assert angles[191] == pytest.approx(-20 * 0.0032, abs=1e-9)
+    assert angles[192] == pytest.approx(0.1 * LIMIT, abs=1e-12)
 
 
 def steering_after_each_substep(vehicle: str, steering: list[float]) -> list[float]:

@@ -41,8 +41,9 @@ class Config:
     """Direction of a positive steering feedback, 'left' or 'right'; '': that of the profile."""
     vehicle_type: str = ""
     """First part of the vehicle names since 2023, until a simulator is connected; '': 'nigel'. In the profile
-    'roboracer' it is always the first part; '': 'roboracer'. In devkit mode, whose protocol does not have them, 'nigel'
-    and 'roboracer' also select the car whose frames, LIDAR and limits the bridge uses."""
+    'roboracer' it is always the first part; '': 'roboracer'. In devkit mode, whose protocol does not have them, it also
+    selects the car whose frames, LIDAR, cameras and limits the bridge uses: 'nigel', 'nigel_2023', 'roboracer',
+    'roboracer_physical' or 'roboracer_f1tenth'."""
     rate: float = 30.0
     """Maximum rate of states in wall time [Hz]. Scans and images are published when they are new. In devkit mode, all
     messages have this rate, and commands are sent with the answers."""
@@ -109,7 +110,8 @@ class Config:
     @property
     def car(self) -> Car:
         """Figures of the vehicles where the simulator does not send them."""
-        return CARS.get(self.vehicle_type.partition("_")[0], ROBORACER if self.is_league else NIGEL)
+        kind, default = self.vehicle_type, ROBORACER if self.is_league else NIGEL
+        return CARS.get(kind) or CARS.get(kind.partition("_")[0], default)
 
     def vehicle_name(self, number: int, type_: str = "") -> str:
         """Name of a vehicle in topics and frames, from its number (from 1) and type."""

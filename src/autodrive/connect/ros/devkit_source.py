@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import simplejpeg
 
-from autodrive.base.transforms import euler_from_quaternion, rotate
+from autodrive.base.transforms import cross, euler_from_quaternion, rotate
 from autodrive.connect.devkit import F1TENTH, Server
 from autodrive.connect.ros.cars import CARS, Car
 from autodrive.connect.ros.config import Config
@@ -217,7 +217,7 @@ class _DevkitVehicle:
         euler = np.array(euler_from_quaternion(orientation))
         return VehicleFrame(
             pose=Pose(position, orientation),
-            velocity=_vector(state.linear_velocity, (self._speed, 0.0, 0.0)),
+            velocity=self._velocity(angular_velocity),
             angular_velocity=angular_velocity,
             throttle=state.throttle or 0.0,
             steering=steering,
@@ -231,6 +231,13 @@ class _DevkitVehicle:
             collision_count=state.collision_count or 0,
             race=self._race(),
         )
+
+    def _velocity(self, angular_velocity: np.ndarray) -> np.ndarray:
+        """Velocity of the origin of the vehicle frame, in its axes [m/s]."""
+        sent = self._state.linear_velocity
+        if sent is None or len(sent) != 3:
+            return np.array([self._speed, 0.0, 0.0])
+        return np.asarray(sent, float) - cross(angular_velocity, self._config.devkit_profile.velocity_at)
 
     def new_pictures(self, data: Mapping[str, Any], now: float) -> dict[str, Picture]:
         """New images by camera; their pose is unknown."""
@@ -279,10 +286,10 @@ class _DevkitVehicle:
     def contradiction(self, name: str) -> str:
         """Why the new scan is not one of the configured car, the first time; '' otherwise."""
         car, count = self._config.car, 0 if self.new_scan is None else len(self.new_scan.ranges)
-        if self._is_checked or count in (car.lidar_rays, car.lidar_rays + 1):
+        if self._is_checked or abs(count - car.lidar_rays) <= 1:
             return ""
         self._is_checked = True
-        known = " or ".join(f"'{other.name}'" for other in CARS.values())
+        known = " or ".join(f"'{family}'" for family in sorted({other.family for other in CARS.values()}))
         return (
             f"{name} has a LIDAR with {count} rays, but a {car.name} has a LIDAR with {car.lidar_rays} rays: {name} is "
             f"not a {car.name}. The devkit protocol does not state the type of {name}, so that frames, angles of the "
@@ -295,7 +302,8 @@ class _DevkitVehicle:
         state = self._state
         if state.lap_count is None:
             return None
-        times = state.lap_time or 0.0, state.last_lap_time or 0.0, state.best_lap_time or 0.0
+        last, best = (math.inf if time is None else time for time in (state.last_lap_time, state.best_lap_time))
+        times = state.lap_time or 0.0, last, best
         count, unknown = state.collision_count or 0, math.nan
         return RaceState(
             RaceStatus.RACING, state.lap_count, 0, *times, unknown, unknown, count, 0, unknown, 0, unknown, False
@@ -319,6 +327,12 @@ def _vector(values: np.ndarray | None, default: tuple[float, ...]) -> np.ndarray
 
 
 def _pinhole(jpeg: bytes, car: Car) -> CameraIntrinsics:
+    """The lens of the car, or of that car of its family whose images have this size.
+
+    An image of another size is a stretched image of the car.
+    """
     height, width = map(int, simplejpeg.decode_jpeg_header(jpeg)[:2])
-    focal = 0.5 * height / math.tan(math.radians(0.5 * car.vertical_field_of_view))
-    return CameraIntrinsics(width, height, focal, focal, 0.5 * width, 0.5 * height)
+    family = (other for other in (car, *CARS.values()) if other.family == car.family)
+    seen = next((other for other in family if other.image_size == (width, height)), car)
+    fx, fy = (seen.focal_length * size / own for size, own in zip((width, height), seen.image_size, strict=True))
+    return CameraIntrinsics(width, height, fx, fy, 0.5 * width, 0.5 * height)

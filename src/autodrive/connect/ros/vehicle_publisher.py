@@ -272,7 +272,8 @@ class VehiclePublisher:
     def _odometry(self, stamp: Time, vehicle: VehicleFrame) -> Message:
         if self._config.is_league:
             variances = readings.DEVKIT_VARIANCE, readings.DEVKIT_VARIANCE
-            velocity, angular = tuple(vehicle.velocity), tuple(vehicle.imu.angular_velocity)
+            velocity = self._config.devkit_profile.velocity(vehicle)
+            angular = tuple(vehicle.imu.angular_velocity)
             return readings.odometry(stamp, self._league_pose(vehicle), velocity, angular, variances)
         frame, reckoning = self.topics.frame, self._dead_reckoning
         pose = reckoning.pose(frame("odom"), frame("base_link"))

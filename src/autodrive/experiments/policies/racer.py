@@ -51,7 +51,8 @@ class PolicyRacer:
         """Throttle and steering, -1 to 1, left positive, shape (n, 2), for the readings after one more `PERIOD`.
 
         `angles` of the rear wheels [rad], shape (n, 2); `yaw_rate` [rad/s] and `steering` angle [rad], left positive,
-        shape (n,); `ranges` of the scans from right to left [m], shape (n, 1080).
+        shape (n,); `ranges` of the scans from right to left [m], shape (n, 1080) or
+        (n, 1081).
         """
         angle = 0.5 * (angles[:, 0] + angles[:, 1])
         turned = np.zeros(len(angle)) if self._angle is None else angle - self._angle
@@ -60,7 +61,7 @@ class PolicyRacer:
         return self._drivers.act(np.column_stack([speed, yaw_rate, steering, sectors(ranges)]))
 
     def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
-        """Throttle and steering of one car; `angles` of the shape (2,), `ranges` of the shape (1080,)."""
+        """Throttle and steering of one car; `angles` of the shape (2,), `ranges` of the shape (1080,) or (1081,)."""
         readings = np.asarray(angles)[None], np.array([yaw_rate]), np.array([steering]), np.asarray(ranges)[None]
         throttle, steer = self.commands(*readings)[0].tolist()
         return throttle, steer
@@ -78,11 +79,12 @@ class PolicyRacer:
 
 
 def sectors(ranges: Floats) -> Floats:
-    """The shortest range in each sector of scans, within its limits [m], shape (..., 54)."""
-    count = ranges.shape[-1]
-    if count % _SCAN.sectors:
-        raise AutodriveError(f"the policy needs a scan of 1080 rays, not of {count}")
-    return np.clip(ranges.reshape(*ranges.shape[:-1], _SCAN.sectors, -1).min(axis=-1), 0.0, _SCAN.range_max)
+    """The shortest range in each sector of scans, within its limits [m], shape (..., 54), without a ray at its end."""
+    each, rest = divmod(ranges.shape[-1], _SCAN.sectors)
+    if not each or rest > 1:
+        raise AutodriveError(f"the policy needs a scan of 1080 or 1081 rays, not of {ranges.shape[-1]}")
+    rays = ranges[..., : each * _SCAN.sectors].reshape(*ranges.shape[:-1], _SCAN.sectors, each)
+    return np.clip(rays.min(axis=-1), 0.0, _SCAN.range_max)
 
 
 def drive_laps(policy: Policy, track: str, laps: int = 10, *, limit: float = 600.0, seed: int = 0) -> Standing:

@@ -21,6 +21,10 @@ class SteeringSpec(Spec):
     """Delay from a command to the first movement [s]."""
     time_constant: float = Field(ge=0, le=1)
     """Time constant of the first-order lag of the angle [s]; 0: none."""
+    unwinds_at_once: bool = False
+    """The rate limit holds only for a target that is farther from straight ahead than the angle, and on the way from
+    full left to full right, as in the published program (VehicleController.cs, 2026). Any other target is reached at
+    once."""
 
     @property
     def limit(self) -> float:
@@ -28,12 +32,15 @@ class SteeringSpec(Spec):
         return math.radians(self.limit_deg)
 
 
-def steered(angle: float, target: float, response: float, rate_limit: float, dt: float) -> float:
+def steered(angle: float, target: float, response: float, rate_limit: float, unwinds_at_once: bool, dt: float) -> float:
     """The angle [rad] after `dt` [s]: a first-order lag of the target, limited to `rate_limit` [rad/s].
 
-    `response` is 1 - exp(-dt / time_constant), the fraction of the difference that the lag covers in one step.
+    `response` is 1 - exp(-dt / time_constant), the fraction of the difference that the lag covers in one step. With
+    `unwinds_at_once` the limit holds in the direction of the sign of angle + target only, to the right if that is 0.
     """
     step = rate_limit * dt
+    if unwinds_at_once and (target < angle) == (angle + target > 0.0):
+        step = math.inf
     return angle + max(-step, min(step, (target - angle) * response))
 
 

@@ -131,7 +131,7 @@ def _info(spec: ScenarioSpec, name: str, number: int, cameras: tuple[str, ...]) 
         cameras,
         vehicle.wheelbase,
         vehicle.wheels.radius,
-        vehicle.drivetrain.speed_limit * vehicle.wheels.radius,
+        vehicle.full_throttle_speed,
         vehicle.steering.limit,
         sensor_noise(sensors_of(vehicle, placement)),
         missing_gravity=0.0 if vehicle.sensors.imu.measures_specific_force else spec.gravity,

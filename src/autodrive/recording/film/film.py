@@ -157,7 +157,7 @@ class _Shooting:
         if not self._options.overlay:
             return image
         vehicle, spec = frame.vehicles[self.vehicle], self._compiled.vehicles[self.vehicle]
-        limit = spec.drivetrain.speed_limit * spec.wheels.radius
+        limit = spec.full_throttle_speed
         return with_overlay(
             image,
             speed=vehicle.speed,

@@ -127,6 +127,10 @@ class BoxPlacement:
         """Heights of the bottom and of the top [m]."""
         return self.position[2] - self.size[2] / 2.0, self.position[2] + self.size[2] / 2.0
 
+    def standing(self, x: float, y: float, yaw: float) -> tuple[float, ...]:
+        """Pose of the box on the ground at x, y [m] with heading yaw [rad]: position, quaternion wxyz."""
+        return (x, y, self.size[2] / 2.0, *quaternion_from_yaw(yaw))
+
 
 def fixed_shapes(statics: Sequence[StaticShape]) -> ShapeTable:
     """The part of `Model.shapes` that never moves."""

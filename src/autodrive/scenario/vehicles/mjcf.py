@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario.maps.mjcf import friction, text
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
@@ -13,15 +12,16 @@ def vehicle_mjcf(name: str, spec: VehicleSpec, x: float, y: float, yaw: float) -
     body = spec.body
     side_friction = body.friction if spec.wheels.side_friction is None else spec.wheels.side_friction
     geoms = [_box(f"{name}/{part}", box, body.friction) for part, box in spec.colliders.items()]
-    # The suspension ray supports the wheel; this collider, smaller by the travel, is for contacts with walls.
-    radius = spec.wheels.radius - spec.wheels.suspension.compression_max
+    # The suspension ray supports the wheel; this collider is for contacts with walls.
+    radius = spec.wheels.collider_radius or spec.wheels.radius - spec.wheels.suspension.compression_max
     geoms += [
         f'<geom name="{name}/wheel_{side}" class="wheel" size="{radius:.17g} {spec.wheels.width / 2:.17g}" '
         f'pos="{text(hub)}" {friction(side_friction)}/>'
         for side, hub in zip(WHEEL_NAMES, spec.hubs, strict=True)
     ]
+    pose = spec.standing(x, y, yaw)
     return (
-        f'<body name="{name}" pos="{text((x, y, spec.ride_height))}" quat="{text(quaternion_from_yaw(yaw))}">'
+        f'<body name="{name}" pos="{text(pose[:3])}" quat="{text(pose[3:])}">'
         f'<freejoint name="{name}"/>'
         f'<inertial pos="{text(body.center_of_mass)}" mass="{body.mass:.17g}" diaginertia="{text(body.inertia)}"/>'
         f"{''.join(geoms)}</body>"

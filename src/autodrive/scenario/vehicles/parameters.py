@@ -41,6 +41,7 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Se
         row["wheelbase"] = spec.wheelbase
         row["steering_limit"] = spec.steering.limit
         row["steering_rate_limit"] = math.inf if spec.steering.rate_limit is None else spec.steering.rate_limit
+        row["steering_unwinds_at_once"] = spec.steering.unwinds_at_once
         row["steering_response"] = _response(spec.steering.time_constant, dt)
         row["steering_delay"] = round(spec.steering.dead_time / dt)
         row["drive_is_speed_controlled"] = spec.drivetrain.control == "speed"
@@ -210,12 +211,12 @@ def sprung_masses(spec: VehicleSpec) -> Floats:
 
     They sum to the mass M of the vehicle, balance about its centre of mass x, y, and differ as little as possible
     (PhysX, PxVehicleComputeSprungMasses): the least squares solution m = A^T (A A^T)^-1 b of A m = b, where A has a row
-    of ones, a row of the hubs' x and one of their y, and b = M (1, x, y). With the hubs at 0 or the wheelbase L and at
-    +-T/2 of the track T, measured from their centre, the rows are perpendicular to each other, with the squares 4, L^2
-    and T^2. So m_i = M / 4 + (+-L/2) M (x - L/2) / L^2 + (+-T/2) M y / T^2, as below.
+    of ones, a row of the hubs' x and one of their y, and b = M (1, x, y). With the hubs at 0 or the distance L of the
+    axles and at +-T/2 of the track T, measured from their centre, the rows are perpendicular to each other, with the
+    squares 4, L^2 and T^2. So m_i = M / 4 + (+-L/2) M (x - L/2) / L^2 + (+-T/2) M y / T^2, as below.
     """
     x, y, _ = spec.body.center_of_mass
-    front, left = x / spec.wheelbase, y / spec.track
+    front, left = x / spec.hubs[0][0], y / spec.track
     shares = (front + left, front - left, 1.0 - front + left, 1.0 - front - left)
     return 0.5 * spec.body.mass * np.array(shares)
 

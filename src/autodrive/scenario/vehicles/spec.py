@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
-from autodrive.base.transforms import Vector
+from autodrive.base.transforms import Vector, quaternion_from_euler
+from autodrive.base.units import STANDARD_GRAVITY
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
@@ -204,6 +206,9 @@ class WheelSpec(Spec):
     """[m]."""
     width: Length
     """[m]."""
+    collider_radius: Length | None = None
+    """Radius of the cylinder that touches other things than the ground below the wheel [m]; left out: the radius less
+    the travel of compression."""
     side_friction: float | None = Field(default=None, ge=0, le=100)
     """Coulomb friction coefficient of tyre and rim where they touch other things than the ground below them, such as a
     wall beside them; left out: that of the body."""
@@ -221,6 +226,10 @@ class WheelSpec(Spec):
 
     @model_validator(mode="after")
     def _has_a_collider(self) -> WheelSpec:
+        if self.collider_radius is not None and self.collider_radius > self.radius:
+            raise ValueError(
+                f"collider_radius {self.collider_radius:g} m must be at most the radius, {self.radius:g} m"
+            )
         if self.suspension.compression_max > 0.99 * self.radius:
             raise ValueError(
                 f"the suspension can be compressed by {self.suspension.compression_max:g} m; it must be less than 0.99 "
@@ -249,6 +258,12 @@ class FrontAxleSpec(AxleSpec):
     is_steered: bool = True
     is_driven: bool = False
     is_braked: bool = True
+    x: Length | None = None
+    """Distance of its wheel centres from those of the rear axle [m]; left out: the wheelbase, whose value always sets
+    the angles of the steered wheels."""
+    z: Offset = 0.0
+    """Height of its wheel centres above those of the rear axle, in the vehicle frame [m]; at rest the vehicle stands
+    with its front lower by so much."""
 
 
 class RearAxleSpec(AxleSpec):
@@ -350,13 +365,45 @@ class VehicleSpec(Spec):
     @property
     def hubs(self) -> tuple[Vector, Vector, Vector, Vector]:
         """Wheel centres at the suspension's target position: front left, front right, rear left, rear right [m]."""
-        front, side = self.wheelbase, self.track / 2
-        return (front, side, 0.0), (front, -side, 0.0), (0.0, side, 0.0), (0.0, -side, 0.0)
+        axle, side = self.axles.front, self.track / 2
+        front = self.wheelbase if axle.x is None else axle.x
+        return (front, side, axle.z), (front, -side, axle.z), (0.0, side, 0.0), (0.0, -side, 0.0)
+
+    @property
+    def rest(self) -> tuple[float, float]:
+        """Height of the vehicle frame above the ground at rest [m], and pitch [rad], positive with the front lower.
+
+        With front hubs that are higher, the vehicle leans forward, its weight leans as well, and the springs follow, so
+        that the pitch is a fixed point. Each iteration reduces the error to about a twentieth.
+        """
+        axle, _, z = self.hubs[0]
+        radius, weight, pitch, rear = self.wheels.radius, self.body.mass * STANDARD_GRAVITY, 0.0, 0.0
+        x, _, up = self.body.center_of_mass
+        for _ in range(20 if z else 0):
+            c, s = math.cos(pitch), math.sin(pitch)
+            # share of the weight in front: distances of centre of mass and front contacts from the rear ones
+            share = (x * c + (up + radius) * s) / (axle * c + z * s)
+            front = weight * (share / c - x / axle * c) / (2.0 * self.wheels.suspension.stiffness)
+            rear = weight * ((1.0 - share) / c - (1.0 - x / axle) * c) / (2.0 * self.wheels.suspension.stiffness)
+            pitch = math.atan2(z + front - rear, axle)
+        return (radius - rear) * math.cos(pitch), pitch
 
     @property
     def ride_height(self) -> float:
-        """Height of the vehicle frame above the ground at rest [m]."""
-        return self.wheels.radius
+        """Height of the origin of the vehicle frame above the ground at rest [m]."""
+        return self.rest[0]
+
+    @property
+    def full_throttle_speed(self) -> float:
+        """Speed of the treads at full throttle [m/s]: torque, too, is limited by the damping of the wheels."""
+        drive, damping = self.drivetrain, self.wheels.damping_rate
+        is_damped = drive.control == "torque" and damping * drive.speed_limit > drive.torque_limit
+        return self.wheels.radius * (drive.torque_limit / damping if is_damped else drive.speed_limit)
+
+    def standing(self, x: float, y: float, yaw: float) -> tuple[float, ...]:
+        """Pose of the vehicle at rest on the ground at x, y [m] with heading yaw [rad]: position, quaternion wxyz."""
+        height, pitch = self.rest
+        return (x, y, height, *quaternion_from_euler(0.0, pitch, yaw))
 
     @property
     def colliders(self) -> dict[str, ColliderSpec]:
@@ -368,7 +415,7 @@ class VehicleSpec(Spec):
     def front(self) -> float:
         """How far its collision shape reaches ahead of the rear axle [m]."""
         ends = (box.position[0] + box.size[0] / 2 for box in self.colliders.values())
-        return max(self.wheelbase + self.wheels.radius, *ends)
+        return max(self.hubs[0][0] + self.wheels.radius, *ends)
 
     def with_mass_factor(self, factor: float) -> VehicleSpec:
         """A vehicle with `factor` times the mass and the inertia of this one."""

@@ -20,7 +20,6 @@ from autodrive.base.exact_fraction import exact_fraction
 from autodrive.base.jit import resolved
 from autodrive.base.pinned import Pinned
 from autodrive.base.suggest import suggest, with_suggestions
-from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.lidar.lidar import LidarSpec
@@ -95,10 +94,8 @@ class BatchWorld(OneThread):
         """The first vehicles, which obey commands; the traffic behind them drives itself."""
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
-        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
-        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
-        self._on_ground = {name: (c.engine.body(name)[1], height) for name, height in heights.items()}
-        """Index of the pose of each body in `State.qpos`, and its height on the ground [m]."""
+        self._on_ground = {name: (c.engine.body(name)[1], standing) for name, standing in c.standing.items()}
+        """Index of the pose of each body in `State.qpos`, and its pose on the ground."""
         self._tick = exact_fraction(spec.tick)
         count = min(threads or cpu_count(), math.ceil(n / BLOCK))
         self._block = max(BLOCK, n // (BLOCKS * count))
@@ -455,9 +452,8 @@ class BatchWorld(OneThread):
 
     def _place(self, qpos: Floats, name: str, x: float, y: float, yaw: float) -> None:
         """Write the pose of a vehicle or an object on the ground into a row of `State.qpos`."""
-        start, height = self._on_ground[name]
-        w, _, _, z = quaternion_from_yaw(yaw)
-        qpos[start : start + 7] = x, y, height, w, 0.0, 0.0, z
+        start, standing = self._on_ground[name]
+        qpos[start : start + 7] = standing(x, y, yaw)
 
 
 def _checked_rows(name: str, rows: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:

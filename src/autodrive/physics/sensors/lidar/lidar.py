@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from autodrive.base.arrays import Floats, Integers, read_only, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined
+from autodrive.base.transforms import Quaternion, compose, inverse, rotate
 from autodrive.physics.sensors.columns import (
     Due,
     Memory,
@@ -43,7 +44,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
         memory.motion.vehicle_position[i],
         memory.motion.vehicle_orientation[i],
         mount_position(due, row),
-        mount_orientation(due, row),
+        _orientation(due, row, memory),
         memory.sensors.rays[0, first:last],
         memory.sensors.rays[1, first:last],
         row["fan_start"],
@@ -66,6 +67,22 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     _measure_ranges(due, row, memory, due.time, inverse_range, hits)
     if row["is_rolling"]:
         memory.readings.sweep[k, i, 0], memory.readings.sweep[k, i, 1] = 1, 0
+
+
+@inlined
+def _orientation(due: Due, row: Any, memory: Memory) -> Quaternion:
+    """Vehicle from sensor; a level LIDAR is turned so that its z axis is vertical and its x axis keeps its heading."""
+    orientation = mount_orientation(due, row)
+    if not row["is_level"]:
+        return orientation
+    vehicle = memory.motion.vehicle_orientation[due.i]
+    ahead = rotate(compose(vehicle, orientation), (1.0, 0.0, 0.0))
+    length = math.sqrt(ahead[0] * ahead[0] + ahead[1] * ahead[1])
+    if length < 1e-9:
+        return orientation
+    cosine = max(-1.0, min(1.0, ahead[0] / length))
+    half_sine = math.copysign(math.sqrt(0.5 * (1.0 - cosine)), ahead[1])
+    return compose(inverse(vehicle), (math.sqrt(0.5 * (1.0 + cosine)), 0.0, 0.0, half_sine))
 
 
 @inlined
@@ -137,6 +154,7 @@ class LidarSpec(NoisySpec, Sampled):
     COLUMNS: ClassVar[Mapping[str, Any]] = {
         "is_clockwise": np.bool_,  # the index of its rays increases to the right
         "is_rolling": np.bool_,  # it casts its rays one after another
+        "is_level": np.bool_,  # its rays stay horizontal
         "scan_rate": np.float64,  # [Hz]
         "time_increment": np.float64,  # between its rays [s]
         "fan_start": np.float64,  # bearing of its rightmost ray [rad]
@@ -168,6 +186,8 @@ class LidarSpec(NoisySpec, Sampled):
     """Constant value that is reported for every ray."""
     is_rolling: bool = False
     """False: all rays at one instant. True: each ray at its own time; the head makes one revolution per period."""
+    is_level: bool = False
+    """True: the rays stay horizontal and follow the heading of the sensor only, as in the published program."""
     noise: LidarNoise = LidarNoise()
     """Noise of the ranges; `realistic`: that of the data sheet."""
     data_sheet: LidarNoise = RPLIDAR_A1M8
@@ -182,6 +202,8 @@ class LidarSpec(NoisySpec, Sampled):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
+        if self.is_level and self.is_rolling:
+            raise ValueError("a LIDAR is is_level or is_rolling, not both: level rays are cast at one instant")
         if self.range_max <= self.range_min:
             raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
         if self.angle_max_deg is not None and self.angle_increment_deg is not None:
@@ -229,6 +251,7 @@ class LidarSpec(NoisySpec, Sampled):
         return {
             "is_clockwise": self.angle_increment < 0.0,
             "is_rolling": self.is_rolling,
+            "is_level": self.is_level,
             "scan_rate": self.rate,
             "time_increment": self.time_increment,
             "fan_start": self.bearings.min(),

@@ -51,7 +51,7 @@ class Fleet:
             car["front"], car["rear"] = reach(vehicle)
             car["half_width"], car["wheelbase"] = vehicle.size[1] / 2.0, vehicle.wheelbase
             car["steering_limit"] = parameters["steering_limit"]
-            car["top_speed"] = parameters["drive_speed_limit"] * vehicle.wheels.radius
+            car["top_speed"] = vehicle.full_throttle_speed
         self.table = TrafficTable(
             roads=links,
             cars=cars,
