@@ -81,7 +81,8 @@ def test_messages_of_the_league_have_all_its_keys() -> None:
         assert {f"{car} {key}" for key in LEAGUE_KEYS} <= set(data)
     assert (data["V1 Linear Velocity"], data["V1 Speed"]) == ("2.0000 -0.1000 0.0000", "2.0000")
     assert (data["V1 Collisions"], data["V2 Collisions"]) == ("3", "0")
-    assert (data["V1 Lap Count"], data["V1 Lap Time"], data["V1 Best Lap Time"]) == ("0", "0.0000", "0.0000")
+    assert (data["V1 Lap Count"], data["V1 Lap Time"]) == ("0", "0.0000")
+    assert float(data["V1 Last Lap Time"]) == float(data["V1 Best Lap Time"]) == math.inf  # as in the published node
     sizes = {("red", "rear"): (64, 48)}
     assert "V1 Rear Camera Image" in telemetry(sent, PROFILES["roboracer"], image_sizes=sizes)  # a car that has one
 
@@ -91,6 +92,9 @@ def test_messages_of_the_league_have_the_laps_of_the_race() -> None:
     data = telemetry(frame(vehicle(race=race, collision_count=9)), PROFILES["roboracer"])
     keys = ("Lap Count", "Lap Time", "Last Lap Time", "Best Lap Time", "Collisions")
     assert [data[f"V1 {key}"] for key in keys] == ["2", "3.5000", "9.2500", "9.0000", "1"]
+    race = RaceState(RaceStatus.RACING, 1, 12, 3.5, 9.25, math.inf, 0.0, 0.0, 0, 4, 5.0, 1, 0.0, False)
+    data = telemetry(frame(vehicle(race=race)), PROFILES["roboracer"])
+    assert [data[f"V1 {key}"] for key in keys] == ["1", "3.5000", "9.2500", "Infinity", "0"]
 
 
 @pytest.mark.parametrize("name", ["roboracer", "roboracer_f1tenth"])

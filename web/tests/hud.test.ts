@@ -227,7 +227,7 @@ describe('a race', () => {
       last_lap_time: 20.6,
       checkpoint: 2,
     },
-    ...{ best_lap_time: 0, race_time: 83, penalty: 10, collision_count: 1, distance: 220, rank: 2, gap: 1.26 },
+    ...{ best_lap_time: Infinity, race_time: 83, penalty: 10, collision_count: 1, distance: 220, rank: 2, gap: 1.26 },
     is_wrong_way: false,
   }
   const first = { ...race, lap_count: 4, rank: 1, gap: 0, best_lap_time: 19.9996 }

@@ -482,13 +482,13 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         Signal(
             "race.last_lap_time",
-            "time of the last lap, 0 before the first lap is completed",
+            "time of the last lap, infinite until a lap is completed",
             "s",
             hud=HudRow("race-last-lap", "Last Lap", "", "time"),
         ),
         Signal(
             "race.best_lap_time",
-            "best time of the laps that count, 0 before the first of these laps is completed",
+            "best time of the laps that count, infinite until one of them is completed",
             "s",
             hud=HudRow("race-best-lap", "Best Lap", "Best time of the laps that count", "time"),
         ),
@@ -505,7 +505,7 @@ CHANNELS: tuple[Channel, ...] = (
             hud=HudRow("race-penalty", "Penalties", "Time that the rules add to the race time", decimals=0),
         ),
         Signal("race.collision_count", "collisions that the rules count"),
-        Signal("race.checkpoint", "checkpoints passed in this lap"),
+        Signal("race.checkpoint", "number of the checkpoint passed last in this lap, 0 before the first one"),
         Signal("race.distance", "distance along the track since the start line", "m"),
         Signal("race.rank", "place in the race, from 1"),
         Signal("race.gap", "time behind the first vehicle", "s"),
@@ -515,8 +515,8 @@ CHANNELS: tuple[Channel, ...] = (
             for name, kind, text in (
                 ("lap_count", "Int32", "completed laps"),
                 ("lap_time", "Float32", "time in the present lap [s]"),
-                ("last_lap_time", "Float32", "time of the last lap [s]"),
-                ("best_lap_time", "Float32", "best time of a lap [s]"),
+                ("last_lap_time", "Float32", "time of the last lap [s] (inf before the first)"),
+                ("best_lap_time", "Float32", "best time of a lap [s] (inf before the first)"),
             )
         ),
     ),

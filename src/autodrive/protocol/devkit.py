@@ -176,11 +176,15 @@ def _vehicle_telemetry(
 
 
 def _race_telemetry(vehicle: VehicleFrame, text: Callable[[float], str]) -> Iterable[tuple[str, str]]:
-    """Laps, 0 without a race, and collisions."""
+    """Laps and collisions; without a race, as before the first lap.
+
+    A time that is infinite is 'Infinity', as Unity writes it in English; `float` of Python reads it.
+    """
     race = vehicle.race
     yield "Lap Count", str(race.lap_count) if race else "0"
-    for name in ("lap_time", "last_lap_time", "best_lap_time"):
-        yield name.replace("_", " ").title(), text(getattr(race, name) if race else 0.0)
+    times = (race.lap_time, race.last_lap_time, race.best_lap_time) if race else (0.0, math.inf, math.inf)
+    for key, time in zip(("Lap Time", "Last Lap Time", "Best Lap Time"), times, strict=True):
+        yield key, text(time) if math.isfinite(time) else "Infinity"
     yield "Collisions", str(race.collision_count if race else vehicle.collision_count)
 
 

@@ -703,12 +703,13 @@ class WheelsReading(Displayed, frozen=True, gc=False):
 
 
 class RaceState(Displayed, frozen=True, gc=False):
-    """A vehicle in a race, ground truth. Times are in simulated seconds; 0 before there is one.
+    """A vehicle in a race, ground truth. Times are in simulated seconds.
 
-    `lap_count` completed laps of `lap_total`, with warm-up laps (0: without limit); `lap_time` in the present lap,
-    `last_lap_time`, `best_lap_time` of the laps that count. `race_time` of the laps that count, so far, without
-    `penalty` [s]. `collision_count` of the collisions that the rules count. `checkpoint`: checkpoints passed in this
-    lap. `distance` [m] along the track since the start line; `rank` from 1; `gap` to the first vehicle [s].
+    `lap_count` completed laps of `lap_total`, with warm-up laps (0: without limit); `lap_time` in the present lap;
+    `last_lap_time`, and `best_lap_time` of the laps that count, are infinite until there is one. `race_time` of the
+    laps that count, so far, without `penalty` [s]. `collision_count` of the collisions that the rules count.
+    `checkpoint`: number of the checkpoint passed last in this lap, 0 before the first one. `distance` [m] along the
+    track since the start line; `rank` from 1; `gap` to the first vehicle [s].
     """
 
     status: RaceStatus
@@ -895,7 +896,7 @@ class StopSign(_OfVehicle, frozen=True, tag=True):
 class CheckpointPassed(_OfVehicle, frozen=True, tag=True):
     """A vehicle passed a checkpoint at `time`, within the tick; `lap` from 1, `split` [s] since the start of the lap.
 
-    `sector_time` [s] since the checkpoint before. The finish line is the last checkpoint.
+    `sector_time` [s] since the checkpoint that it passed before. The finish line is the last checkpoint.
     """
 
     lap: int
@@ -923,7 +924,7 @@ class RacePenalty(_OfVehicle, frozen=True, tag=True):
 
 
 class SetBack(_OfVehicle, frozen=True, tag=True):
-    """The rules set a vehicle back to the checkpoint that it passed last; `position` is that before."""
+    """The rules set a vehicle back to a checkpoint, 0: the start line; `position` is that before."""
 
     checkpoint: int
     position: Vector3

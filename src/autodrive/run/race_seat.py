@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
 from typing import TYPE_CHECKING
@@ -51,7 +52,7 @@ class Seat(OneVehicle):
         super().__init__(vehicle, simulation.frame)
 
     def permitted(self, vehicle: VehicleFrame) -> VehicleFrame:
-        """The vehicle with zeros for the signals that the rules withhold."""
+        """The vehicle without the signals that the rules withhold: zeros, and laps as before the first one."""
         return permitted(vehicle, self._rules)
 
     def submit(self, vehicle: str, command: Command) -> None:
@@ -91,7 +92,7 @@ class Seat(OneVehicle):
 
 
 def permitted(vehicle: VehicleFrame, rules: RaceRules) -> VehicleFrame:
-    """The vehicle with zeros for the signals that the rules withhold."""
+    """The vehicle without the signals that the rules withhold: zeros, and laps as before the first one."""
     withheld = set(rules.withheld)
     if "position" in withheld:
         vehicle = replace(vehicle, ips=IpsReading(vehicle.ips.time, np.zeros(3)))
@@ -107,4 +108,4 @@ def permitted(vehicle: VehicleFrame, rules: RaceRules) -> VehicleFrame:
 
 
 def _without_laps(race: RaceState) -> RaceState:
-    return replace(race, lap_count=0, lap_time=0.0, last_lap_time=0.0, best_lap_time=0.0, race_time=0.0)
+    return replace(race, lap_count=0, lap_time=0.0, last_lap_time=math.inf, best_lap_time=math.inf, race_time=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,7 +126,7 @@ def _checked(specs: Specs) -> CheckedScenario:
     configured, wrong_sensors = _configured(spec, vehicles)
     own_sensors, wrong_own_sensors = _own_sensors(specs, spec, configured)
     boxes, unknown_boxes = _boxes(spec, map_)
-    race, wrong_race = _race(specs, map_)
+    race, wrong_race = _race(specs, map_, [box.name for box in boxes])
     twice = _names_used_twice(spec, map_, boxes)
     problems += [
         (_at("light_programs", name), f": {text}")
@@ -219,7 +219,7 @@ def _owners(map_: Map, geoms: Sequence[Geom]) -> list[str]:
     return [name.split("/")[0] for name in names]
 
 
-def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
+def _race(specs: Specs, map_: Map, boxes: Collection[str]) -> tuple[Race | None, list[Problem]]:
     """The race of a scenario, and problems. On a race track laps are always timed."""
     spec = specs.scenario
     race = spec.race or RaceSpec()
@@ -231,7 +231,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
         rules = specs.rules.spec
         if race.laps is not None:
             rules = rules.model_copy(update={"race_laps": race.laps})
-        return Race([*spec.vehicles], track, rules, spec.tick), []
+        return Race([*spec.vehicles], track, rules, spec.tick, boxes), []
     except SpecError as error:
         return None, [(_at("race"), f": {text}") for text in error.errors]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,6 @@ from autodrive.base.transforms import (
     Quaternion,
     Vector,
     compose,
-    euler_from_quaternion,
     inverse,
     rotation_vector,
 )
@@ -75,12 +74,6 @@ class Poses:
                 f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
             )
         return np.array(self._standing[name](float(x), float(y), float(yaw)))
-
-    def seen_from_above(self) -> list[tuple[float, float, float]]:
-        """x, y [m] and heading [rad] of the vehicles."""
-        state = self._compiled.state
-        poses = zip(state.vehicle_position.tolist(), state.vehicle_orientation.tolist(), strict=True)
-        return [(*position[:2], euler_from_quaternion(orientation)[2]) for position, orientation in poses]
 
     def at_start(self, seed: int, poses: Mapping[str, Sequence[float]] | None) -> Floats:
         """`State.qpos` at the start with that seed; `poses`: see `World.reset`.
@@ -153,13 +146,22 @@ class Poses:
                     getattr(c.state, f"wheel_{column}")[4 * i : 4 * i + 4] = 0.0
         observe(c.model, c.state)
 
-    def place_at_first(self, name: str, poses: Iterable[tuple[float, float, float]]) -> bool:
-        """Place a vehicle at the first of these poses on the ground (x, y [m], yaw [rad]) that is free; if one is."""
-        for pose in poses:
-            with contextlib.suppress(CommandError):  # the place is taken
-                self.place({name: self.on_ground(name, *pose)})
-                return True
-        return False
+    def place_at_first(self, choices: Mapping[str, Sequence[tuple[float, float, float]]]) -> list[str]:
+        """Place vehicles together at their first poses on the ground (x, y [m], yaw [rad]), if all of these are free.
+
+        Else each one goes to the first of its poses that is free. Returns the vehicles that were placed.
+        """
+        with contextlib.suppress(CommandError):
+            self.place({name: self.on_ground(name, *poses[0]) for name, poses in choices.items()})
+            return list(choices)
+        placed: list[str] = []
+        for name, poses in choices.items():
+            for pose in poses:
+                with contextlib.suppress(CommandError):  # the place is taken
+                    self.place({name: self.on_ground(name, *pose)})
+                    placed.append(name)
+                    break
+        return placed
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
         """Hold a vehicle at a pose, or end the hold; see `World.hold`. Raises `CommandError`."""

@@ -226,9 +226,9 @@ class World(OneThread):
 
     def set_back(self, moves: Sequence[Move]) -> bool:
         """Place vehicles where the rules of the race want them; whether one was placed."""
-        placed = [i for i, poses in moves if self.poses.place_at_first(self.vehicle_names[i], poses)]
-        for i in placed:
-            self.note_moved(i)
+        placed = self.poses.place_at_first({self.vehicle_names[i]: poses for i, poses in moves})
+        for name in placed:
+            self.note_moved(self.vehicle_names.index(name))
         return bool(placed)
 
     def note_moved(self, i: int) -> None:
@@ -287,7 +287,7 @@ class World(OneThread):
         self.conditions.reset(weather, self.seed)
         self.row.switch_lamps(0.0, self.conditions.light)
         if self.race is not None:
-            self.race.reset(self.poses.seen_from_above(), c.state.vehicle_position)
+            self.race.reset(c.state.vehicle_position)
         c.own_sensors.reset(self.seed)
         self._cameras.reset(self.seed)
         self.row.show_lights()

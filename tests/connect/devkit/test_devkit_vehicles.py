@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +105,7 @@ def test_the_racing_car_reads_the_telemetry_of_the_league_and_is_driven_by_its_p
     car = RoboRacer("V1")
     car.parse_data(telemetry(sent, PROFILES["roboracer"]))
     assert car.linear_velocity.tolist() == [2.0, -0.1, 0.0]
-    assert (car.lap_count, car.lap_time, car.best_lap_time, car.collision_count) == (0, 0.0, 0.0, 3)
+    assert (car.lap_count, car.lap_time, car.best_lap_time, car.collision_count) == (0, 0.0, math.inf, 3)
     assert car.rear_camera_image is None
     car.steering_command, car.cosim_mode = 0.5, 1
     car.posX_command, car.posY_command, car.posZ_command = 1.0, 2.0, 0.1

@@ -6,11 +6,14 @@ The drawn line is an ellipse with half axes of 6 and 4 m, anticlockwise, 0.6 m w
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import autodrive
+from autodrive import ScenarioSpec, VehiclePlacement
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.scenario.maps.map import load_map
@@ -163,5 +166,10 @@ def test_edges_that_cross_in_a_bend_become_the_line_around_their_area(tmp_path: 
 def test_a_track_file_without_walls_gets_a_sentence(tmp_path: Path) -> None:
     Track("bare", LINE).save(tmp_path / "bare.yaml")
     assert track_errors(Track.load(tmp_path / "bare.yaml"))[0].startswith("there are no walls")
-    with pytest.raises(SpecError, match="track 'bare': there are no walls"):
-        load_map(tmp_path / "bare.yaml")
+    path = tmp_path / "bare.yaml"
+    whole = rf"track 'bare': centre_line \(line 2\): there are no walls; .*\({re.escape(str(path))}\)$"
+    with pytest.raises(SpecError, match=f"^{whole}"):
+        load_map(path)
+    scenario = ScenarioSpec(map=str(path), vehicles={"V1": VehiclePlacement(type="no_car")})
+    with pytest.raises(SpecError, match=r"(?s)2 errors.*there are no walls.*vehicle 'no_car' is not known"):
+        autodrive.make(scenario)

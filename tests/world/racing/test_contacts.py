@@ -131,7 +131,7 @@ def test_a_car_that_drives_on_after_a_set_back_rejoins_for_two_seconds(after: fl
     def positions(first: float, second: float) -> np.ndarray:
         return np.array([(*OVAL.pose_at(s)[:2], 0.0) for s in (first, second)])
 
-    race.reset([OVAL.pose_at(0.0)] * 2, positions(3.0, 0.0))
+    race.reset(positions(3.0, 0.0))
     hit = (Collision(1.0, "V1", "wall", 1.0, np.zeros(3)),)
     touch = (Collision(0.0, "V1", "V2", 1.0, np.zeros(3)), Collision(0.0, "V2", "V1", 1.0, np.zeros(3)))
     penalties = []

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import TypeVar
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from autodrive.protocol.messages import (
     CheckpointPassed,
@@ -21,6 +23,9 @@ from autodrive.protocol.messages import (
 )
 from autodrive.scenario.tracks import Track
 from autodrive.world.racing import Move, Race, RaceRules, load_rules
+from autodrive.world.racing.race import ROOT
+from autodrive.world.racing.results import RaceRecorder, RaceResult
+from tests.protocol.devkit_frames import frame, vehicle
 
 T = TypeVar("T")
 
@@ -49,7 +54,7 @@ class Drive:
         self.tick = 0
         self.events: list[Event] = []
         self.moves: list[Move] = []
-        self.race.reset([(RADIUS, 0.0, math.pi / 2)] * len(starts), self.positions)
+        self.race.reset(self.positions)
 
     @property
     def positions(self) -> np.ndarray:
@@ -150,7 +155,7 @@ def test_collisions_cost_ten_seconds_and_set_back_and_the_eleventh_disqualifies(
     rules = load_rules("league_2026")
     drive = Drive(rules, 0.0)
     drive.run(0.5, 4.0, happened=(hit("V1"),))  # in the warm-up lap: set back to the start, free of charge
-    assert drive.moves.pop().poses[0] == (RADIUS, 0.0, math.pi / 2)
+    assert drive.moves.pop().poses[0] == pytest.approx((RADIUS, -ROOT, math.pi / 2))
     assert not drive.of(RacePenalty)
     drive.run(LENGTH / 4.0, 4.0)
     for n in range(1, 11):
@@ -159,6 +164,7 @@ def test_collisions_cost_ten_seconds_and_set_back_and_the_eleventh_disqualifies(
         assert (state.collision_count, state.penalty, state.status) == (n, 10.0 * n, RaceStatus.RACING)
     back = drive.of(SetBack)[-1]
     x, y, yaw = drive.moves[-1].poses[0]
+    x, y = x + ROOT * math.cos(yaw), y + ROOT * math.sin(yaw)
     at = 2.0 * math.pi * back.checkpoint / drive.race.checkpoints
     assert (x, y) == pytest.approx((RADIUS * math.cos(at), RADIUS * math.sin(at)), abs=1e-4)
     assert yaw == pytest.approx(math.remainder(at + math.pi / 2, math.tau), abs=2e-3)  # of a segment of the line
@@ -260,3 +266,133 @@ def test_after_restore_the_same_motion_gives_the_same_events(rules: str) -> None
         results.append((repr(drive.events), repr(drive.race.states(drive.time))))
     assert results[0] == results[1]
     assert "LapCompleted" in results[0][0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_missed_checkpoint_is_made_good_as_in_the_program_of_the_league(seed: int) -> None:
+    """Random checkpoints are missed, against the published rule of the program, written here once more.
+
+    Entering checkpoint n sets the count to n if the checkpoint left last was n - 1; entering the finish line with a
+    count of at least (number - 1) counts a lap.
+    """
+    rng = np.random.default_rng(seed)
+    drive = Drive(RaceRules(race_laps=0, checkpoint_distance=4.0, missed_checkpoint="made_good"), 0.0)
+    number = drive.race.checkpoints
+    drive.run(0.1, 1.0)
+    count = left = laps = 0
+    for step in range(1, 12 * number):
+        is_missed = bool(rng.random() < 0.2)
+        drive.radius = 3.0 if is_missed else RADIUS
+        drive.run(LENGTH / number, 1.0)  # over the next checkpoint, 0.1 m beyond
+        checkpoint = step % number
+        if not is_missed:
+            if checkpoint == 0:
+                laps, count = (laps + 1, 0) if count >= number - 1 else (laps, count)
+            elif left == checkpoint - 1:
+                count = checkpoint
+            left = checkpoint
+        state = drive.race.states(drive.time)[0]
+        assert (state.lap_count, state.checkpoint) == (laps, count)
+    assert 0 < laps < 11  # some laps counted, and some did not
+
+
+def test_the_next_two_checkpoints_make_a_missed_one_good_and_its_sector_has_no_time() -> None:
+    drive = Drive(load_rules("league_2026"), 0.0)
+    speed, number = 4.0, drive.race.checkpoints
+    drive.run(2.5 / number * LENGTH / speed, speed)
+    drive.radius = 3.0
+    drive.run(1.0 / number * LENGTH / speed, speed)  # beside checkpoint 3
+    drive.radius = RADIUS
+    drive.run(1.0 / number * LENGTH / speed, speed)
+    assert drive.race.states(drive.time)[0].checkpoint == 2  # one after the missed one is not enough
+    drive.run(1.0 / number * LENGTH / speed, speed)
+    assert drive.race.states(drive.time)[0].checkpoint == 5
+    drive.run(0.6 * LENGTH / speed, speed)
+    assert [event.checkpoint for event in drive.of(CheckpointPassed)][:6] == [1, 2, 5, 6, 7, 8]
+    (lap,) = drive.of(LapCompleted)
+    assert lap.lap_time == pytest.approx(LENGTH / speed, abs=1e-5)
+    recorder = RaceRecorder()
+    state = drive.race.states(drive.time)[0]
+    sent = replace(frame(), vehicles={"V1": vehicle(race=state)}, events=tuple(drive.events))
+    recorder.publish(sent)
+    (standing,) = recorder.standings(["a team"])
+    sectors = standing.laps[0].sectors
+    assert (sectors[2:4], sectors[4]) == ([None, None], pytest.approx(3.0 / number * LENGTH / speed, abs=1e-5))
+    result = RaceResult("1", "circle", LENGTH, "league_2026", "", True, 0, 9.0, 9.0, "", [standing])
+    assert result.laps_csv().splitlines()[1].split(",")[6:12] == [
+        *("" if value is None else f"{value:.4f}" for value in sectors[:6]),
+    ]
+    lap, best = (json.loads(result.to_json())["standings"][0][key] for key in ("laps", "best_lap"))
+    assert (lap[0]["sectors"][2], best) == (None, None)  # the lap of the warm-up is no best lap
+
+
+def test_reversing_over_the_finish_line_and_coming_back_is_no_lap() -> None:
+    """The last two checkpoints and the finish line are crossed in order, but the car has not been around the track."""
+    drive = Drive(load_rules("league_2026"), 0.0)
+    drive.run(LENGTH / 4.0 + 0.1, 4.0)
+    drive.run(3.0, -4.0)
+    drive.run(3.0, 4.0)
+    assert len(drive.of(LapCompleted)) == 1
+    drive.run(LENGTH / 4.0, 4.0)
+    assert len(drive.of(LapCompleted)) == 2
+
+
+def test_there_is_no_last_and_no_best_lap_until_there_is_one() -> None:
+    drive = Drive(load_rules("league_2026"), 0.0)
+    drive.run(1.0, 4.0)
+    state = drive.race.states(drive.time)[0]
+    assert (state.last_lap_time, state.best_lap_time) == (math.inf, math.inf)
+    drive.run(LENGTH / 4.0, 4.0)
+    state = drive.race.states(drive.time)[0]
+    assert state.last_lap_time == pytest.approx(LENGTH / 4.0, abs=1e-4)
+    assert state.best_lap_time == math.inf  # the lap of the warm-up does not count
+
+
+def test_a_car_that_was_set_back_crosses_its_checkpoint_again_without_passing_it_twice() -> None:
+    drive = Drive(load_rules("league_2026"), 0.0)
+    drive.run(1.2 * LENGTH / 8 / 4.0, 4.0, happened=(hit("V1"),))
+    ((_, poses),) = drive.moves
+    drive.angle = [math.atan2(poses[0][1], poses[0][0])]
+    assert drive.angle[0] == pytest.approx(math.tau / 8 - ROOT / RADIUS, abs=1e-4)
+    drive.race.moved(0, drive.positions)
+    drive.run(1.2 * LENGTH / 8 / 4.0, 4.0)
+    assert [event.checkpoint for event in drive.of(CheckpointPassed)] == [1, 2]
+
+
+def test_collisions_with_boxes_count_only_where_the_rules_say_so() -> None:
+    for name, count in (("league_2026", 0), ("head_to_head", 0), ("practice", 1)):
+        rules = load_rules(name).model_copy(update={"warm_up_laps": 0, "start_delay": 0.0})
+        race = Race(["V1"], CIRCLE, rules, TICK, boxes=["box_1"])
+        positions = np.array([[RADIUS, 0.0, 0.0]])
+        race.reset(positions)
+        race.judge(TICK, positions, [hit("V1", "box_1")])
+        assert race.states(TICK)[0].collision_count == count
+        race.judge(2 * TICK, positions, [hit("V1", "wall_1_1")])
+        assert race.states(TICK)[0].collision_count == count + 1
+
+
+def test_two_cars_that_touch_are_set_side_by_side_and_touch_again_only_after_they_were_apart() -> None:
+    rules = load_rules("league_2026").model_copy(update={"warm_up_laps": 0})
+    drive = Drive(rules, 0.0, -0.3 / RADIUS)
+    touch = hit("V1", "V2"), hit("V2", "V1")
+    drive.run(1.1 * LENGTH / 8 / 4.0, 4.0, 4.0)  # V1 has passed checkpoint 1, V2 has it 0.1 m behind it
+    drive.run(TICK, 4.0, 4.0, happened=touch)
+    assert [(event.vehicle, event.checkpoint) for event in drive.of(SetBack)] == [("V1", 1), ("V2", 1)]
+    at = math.tau / 8
+    sides = []
+    for _, poses in drive.moves:
+        x, y, yaw = poses[0]
+        assert yaw == pytest.approx(at + math.pi / 2, abs=2e-3)
+        away = np.array([x, y]) - RADIUS * np.array([math.cos(at), math.sin(at)])
+        assert away @ [-math.sin(at), math.cos(at)] == pytest.approx(-ROOT, abs=1e-3)
+        sides.append(-away @ [math.cos(at), math.sin(at)])
+    assert sorted(sides) == pytest.approx([-0.236, 0.236], abs=1e-3)
+    counts = [state.collision_count for state in drive.race.states(drive.time)]
+    assert counts == [1, 1]
+    assert [event.duration for event in drive.of(RacePenalty)] == [10.0, 10.0]  # of the written rules
+    drive.run(0.5, 4.0, 4.0, happened=touch)  # 0.3 m apart
+    drive.run(TICK, 4.0, 4.0, happened=touch)
+    assert [state.collision_count for state in drive.race.states(drive.time)] == [1, 1]
+    drive.run(1.0, 4.0, 3.3)  # 1.0 m apart, more than 4 track widths
+    drive.run(TICK, 4.0, 3.3, happened=touch)
+    assert [state.collision_count for state in drive.race.states(drive.time)] == [2, 2]

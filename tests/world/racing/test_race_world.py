@@ -54,12 +54,37 @@ def test_a_car_that_hits_the_wall_stands_at_its_last_checkpoint_in_the_frame_of_
     car = frame.vehicles["V1"]
     assert world.race is not None
     x, y, yaw = world.race.track.pose_at(world.race.track.length / world.race.checkpoints)
-    assert car.pose.position[:2] == pytest.approx((x, y), abs=1e-9)
+    root = x - 0.16 * math.cos(yaw), y - 0.16 * math.sin(yaw)
+    assert car.pose.position[:2] == pytest.approx(root, abs=1e-4)  # of the direction at a corner of the line
     assert math.cos(euler_from_quaternion(car.pose.orientation)[2] - yaw) == pytest.approx(1.0)
     assert not car.velocity.any()
     assert car.race is not None
     assert car.race.lap_time == frame.time  # the lap timer goes on
     assert (car.race.collision_count, car.collision_count) == (0, 1)
+
+
+def test_two_cars_that_touch_stand_side_by_side_at_the_checkpoint_of_the_leading_car() -> None:
+    """V1 passes checkpoint 1 and stands, to the left of the centre line; V2 drives into it from behind."""
+    world = autodrive.make(spec(vehicles=2))
+    assert world.race is not None
+    track = world.race.track
+    length = track.length / world.race.checkpoints
+    world.teleport("V1", *track.pose_at(length - 0.3, 0.1))
+    world.teleport("V2", *track.pose_at(length - 2.0))
+    for _ in range(40):
+        world.step({"V1": Command(throttle=0.05), "V2": Command()})
+    backs: list[SetBack] = []
+    while not backs:
+        events = world.step({"V1": Command(), "V2": Command(throttle=0.05)}).events
+        backs = [event for event in events if isinstance(event, SetBack)]
+    assert [event.checkpoint for event in backs] == [1, 1]
+    for name, side in (("V1", 0.236), ("V2", -0.236)):
+        car = world.frame.vehicles[name]
+        at, lateral = track.project(*car.pose.position[:2])
+        assert (at - length, lateral) == pytest.approx((-0.16, side), abs=0.01), name
+        assert not car.velocity.any()
+        assert car.race is not None
+        assert car.collision_count == 1
 
 
 def test_a_snapshot_in_the_middle_of_a_race_has_the_same_future(world: World) -> None:

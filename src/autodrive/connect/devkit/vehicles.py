@@ -132,9 +132,9 @@ class Nigel(Vehicle):
 class F1TENTH(Vehicle):
     """The 1:10 racing car, also called RoboRacer: a `Vehicle` without lights, with the readings of a race.
 
-    More readings: `linear_velocity` in the vehicle frame [m/s], shape (3,); `lap_count`; `lap_time`, `last_lap_time`,
-    `best_lap_time` [s], 0 before there is one; `collision_count`. A positive steering command turns left, as in all
-    devkits of this car.
+    More readings: `linear_velocity` in the vehicle frame [m/s], shape (3,); `lap_count`; `lap_time` [s];
+    `last_lap_time`, `best_lap_time` [s], infinite until there is one; `collision_count`. A positive steering command
+    turns left, as in all devkits of this car.
     """
 
     def __init__(self, id: str | None = None, *, is_left_positive: bool = True) -> None:

@@ -302,7 +302,8 @@ class _DevkitVehicle:
         state = self._state
         if state.lap_count is None:
             return None
-        times = state.lap_time or 0.0, state.last_lap_time or 0.0, state.best_lap_time or 0.0
+        last, best = (math.inf if time is None else time for time in (state.last_lap_time, state.best_lap_time))
+        times = state.lap_time or 0.0, last, best
         count, unknown = state.collision_count or 0, math.nan
         return RaceState(
             RaceStatus.RACING, state.lap_count, 0, *times, unknown, unknown, count, 0, unknown, 0, unknown, False

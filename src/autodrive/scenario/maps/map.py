@@ -151,7 +151,8 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[PlacingProbl
     """The map without its faulty placements, None if its file is not valid; and what else is wrong."""
     spec = described.spec_or_none
     if isinstance(spec, TrackSpec):
-        return track_map(Track.of(spec, described.name)), _faults(spec)
+        track = Track.of(spec, described.name)
+        return (track_map(track) if track.walls else None), _faults(spec)
     placed, problems = place(described)
     joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
     map_, more = _compiled(spec, described.name, placed, joins) if spec else (None, _overlaps(placed, ()))
@@ -159,9 +160,10 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[PlacingProbl
 
 
 def _faults(spec: TrackSpec) -> tuple[PlacingProblem, ...]:
-    """What is wrong with a track by points."""
+    """What is wrong with a track by points, or with one by a centre line that cannot be a map."""
     if spec.width is None:
-        return ()
+        no_walls = PlacingProblem("module", PlaceInFile("map", ("centre_line",)), f": {NO_WALLS}")
+        return () if spec.walls else (no_walls,)
     return tuple(
         PlacingProblem(
             fault.kind, PlaceInFile("map", ("points", fault.point)), f": {fault.text}", at=(fault.x, fault.y)

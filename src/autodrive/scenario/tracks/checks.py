@@ -19,6 +19,8 @@ VARIATION = 4.0
 """A greater ratio of the greatest and the least width is reported."""
 NO_WALLS = "there are no walls; `autodrive import track LINE.csv` makes walls along the rows of a centre line"
 TOO_WIDE = "the width is greater than the bend or the distance to another part of the track allows"
+START_ERROR = 0.5
+"""A first checkpoint farther from the start line is an error [m]."""
 PSI_ERROR = math.radians(10.0)
 """A greater mean difference between psi and the direction of the points is reported [rad]."""
 
@@ -35,6 +37,7 @@ def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
         errors += [
             f"walls cross or touch each other at ({x:.2f}, {y:.2f}){text}" for x, y in crossings(track.walls)[:3]
         ]
+    errors += checkpoint_errors(track)
     x, y, _ = track.start_pose
     if not track.walls:
         errors.append(NO_WALLS)
@@ -49,6 +52,18 @@ def track_errors(track: Track, *, has_map: bool = True) -> list[str]:
         elif not _is_free(track, x, y):
             errors.append(f"the start line at ({x:.2f}, {y:.2f}) is inside a wall or outside of the track")
     return errors
+
+
+def checkpoint_errors(track: Track) -> list[str]:
+    """Which checkpoint of a track is not where its number says."""
+    if track.checkpoints is None:
+        return []
+    first, *others = (track.project(x, y)[0] for x, y in track.checkpoints[:, :2].tolist())
+    if (away := min(first, track.length - first)) > START_ERROR:
+        return [f"the first checkpoint must be at the start line, not {away:.2f} m from it along the centre line"]
+    at = [0.0, *others]
+    late = [i for i in range(1, len(at)) if at[i] <= at[i - 1]]
+    return [f"checkpoint {i} (from 0) must be after checkpoint {i - 1} along the centre line" for i in late[:3]]
 
 
 def track_warnings(track: Track) -> list[str]:

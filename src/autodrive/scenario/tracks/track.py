@@ -105,6 +105,9 @@ class TrackSpec(Spec):
         Field(max_length=MAX_WALLS),
     ] = ()
     """Closed lines along the faces of the barriers: x [m], y [m]; the free side is on the left."""
+    checkpoints: Annotated[tuple[_Row4, ...], Field(min_length=3, max_length=1000)] = ()
+    """Checkpoints in driving order, instead of those that the rules of a race place: x [m], y [m] of the middle,
+    heading psi [rad], width across [m]. The first is the finish line; it is at the start line."""
 
     @model_validator(mode="after")
     def _is_valid(self) -> TrackSpec:
@@ -132,6 +135,9 @@ class Track:
     title: str = ""
     note: str = ""
     barrier: BarrierSpec = field(default_factory=BarrierSpec)
+    checkpoints: Floats | None = None
+    """x [m], y [m], heading psi [rad], width across [m] of each checkpoint in driving order, shape (c, 4); the first is
+    the finish line. None: the rules of a race place them."""
 
     def __post_init__(self) -> None:
         def array(values: Any) -> Floats:
@@ -140,9 +146,10 @@ class Track:
         object.__setattr__(self, "centre_line", array(self.centre_line))
         object.__setattr__(self, "race_line", None if self.race_line is None else array(self.race_line))
         object.__setattr__(self, "walls", tuple(map(array, self.walls)))
+        object.__setattr__(self, "checkpoints", None if self.checkpoints is None else array(self.checkpoints))
         errors = [
             f"{place[0]}{''.join(f'[{part}]' for part in place[1:])}: {text}"
-            for place, text in _problems(self.centre_line, self.race_line, self.walls)
+            for place, text in _problems(self.centre_line, self.race_line, self.walls, self.checkpoints)
         ]
         if errors:
             raise SpecError([f"track '{self.name}': {error}" for error in errors])
@@ -166,7 +173,8 @@ class Track:
     @classmethod
     def of(cls, spec: TrackSpec, name: str) -> Track:
         """The track of the contents of a file."""
-        return cls(name, *_arrays(spec), spec.title, spec.note, spec.barrier)
+        centre_line, race_line, walls, checkpoints = _arrays(spec)
+        return cls(name, centre_line, race_line, walls, spec.title, spec.note, spec.barrier, checkpoints)
 
     def save(self, path: str | Path) -> None:
         """Write the YAML file; `Track.load` of it returns the same numbers."""
@@ -180,6 +188,8 @@ class Track:
         lines += _rows(self.centre_line, "  ")
         if self.race_line is not None:
             lines += ["race_line:  # s x y psi kappa vx ax", *_rows(self.race_line, "  ")]
+        if self.checkpoints is not None:
+            lines += ["checkpoints:  # x y psi width; the first is the finish line", *_rows(self.checkpoints, "  ")]
         lines += ["walls:  # x y [m]; the free side is on the left"] if self.walls else []
         for wall in self.walls:
             first, *others = _rows(wall, "    ")
@@ -243,13 +253,14 @@ GRID_FRONT, GRID_STEP = 0.5, 0.8
 """Distance of the first rear axle from the start line, and between places on the grid, along the centre line [m]."""
 
 
-def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...]]:
-    """Centre line, race line and walls of a file."""
+def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...], Floats | None]:
+    """Centre line, race line, walls and checkpoints of a file."""
     race_line = np.array(spec.race_line) if spec.race_line else None
+    checkpoints = np.array(spec.checkpoints) if spec.checkpoints else None
     if spec.width is not None:
         rows = by_points.centre_line(np.array(spec.points), spec.width)
-        return rows, race_line, walls_along(rows)
-    return np.array(spec.centre_line), race_line, tuple(map(np.array, spec.walls))
+        return rows, race_line, walls_along(rows), checkpoints
+    return np.array(spec.centre_line), race_line, tuple(map(np.array, spec.walls)), checkpoints
 
 
 def _wrong_points(spec: TrackSpec) -> list[specs.Rule]:
@@ -274,12 +285,15 @@ def _wrong_points(spec: TrackSpec) -> list[specs.Rule]:
     return errors
 
 
-def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats, ...]) -> list[specs.Rule]:
+def _problems(
+    centre_line: Floats, race_line: Floats | None, walls: tuple[Floats, ...], checkpoints: Floats | None
+) -> list[specs.Rule]:
     """What is wrong with the arrays of a track, and where."""
     errors: list[specs.Rule] = []
     arrays: list[tuple[tuple[str | int, ...], Floats, int, int]] = [(("centre_line",), centre_line, 4, 4)]
     arrays += [(("race_line",), race_line, 4, 7)] if race_line is not None else []
     arrays += [(("walls", i), wall, 3, 2) for i, wall in enumerate(walls)]
+    arrays += [(("checkpoints",), checkpoints, 3, 4)] if checkpoints is not None else []
     for place, rows, least, columns in arrays:
         if len(rows) > MAX_POINTS:
             errors.append((place, f"must have at most {MAX_POINTS} points, not {len(rows)}"))
@@ -299,6 +313,8 @@ def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats
             errors.append(((*place, int(near[0])), f"{mistake}: neighbouring points must be at least 1 mm apart"))
     if not errors and (narrow := np.flatnonzero((centre_line[:, 2:] <= 0.0).any(axis=1))).size:
         errors.append((("centre_line", int(narrow[0])), "the widths to the right and to the left must be above 0"))
+    if not errors and checkpoints is not None and (narrow := np.flatnonzero(checkpoints[:, 3] <= 0.0)).size:
+        errors.append((("checkpoints", int(narrow[0])), "the width must be above 0"))
     if not errors and race_line is not None and not np.all(np.diff(race_line[:, 0]) > 0.0):
         row = int(np.flatnonzero(np.diff(race_line[:, 0]) <= 0.0)[0]) + 1
         errors.append((("race_line", row), "s must increase from row to row"))

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
 from autodrive.base.transforms import Vector, quaternion_from_euler
+from autodrive.base.units import STANDARD_GRAVITY
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
@@ -375,15 +376,28 @@ class VehicleSpec(Spec):
         return (front, side, axle.z), (front, -side, axle.z), (0.0, side, 0.0), (0.0, -side, 0.0)
 
     @property
-    def ride_pitch(self) -> float:
-        """Pitch of the vehicle at rest [rad], positive with the front lower."""
-        x, _, z = self.hubs[0]
-        return math.atan2(z, x)
+    def rest(self) -> tuple[float, float]:
+        """Height of the vehicle frame above the ground at rest [m], and pitch [rad], positive with the front lower.
+
+        With front hubs that are higher, the vehicle leans forward, its weight leans as well, and the springs follow, so
+        that the pitch is a fixed point. Each iteration reduces the error to about a twentieth.
+        """
+        axle, _, z = self.hubs[0]
+        radius, weight, pitch, rear = self.wheels.radius, self.body.mass * STANDARD_GRAVITY, 0.0, 0.0
+        x, _, up = self.body.center_of_mass
+        for _ in range(20 if z else 0):
+            c, s = math.cos(pitch), math.sin(pitch)
+            # share of the weight in front: distances of centre of mass and front contacts from the rear ones
+            share = (x * c + (up + radius) * s) / (axle * c + z * s)
+            front = weight * (share / c - x / axle * c) / (2.0 * self.wheels.suspension.stiffness)
+            rear = weight * ((1.0 - share) / c - (1.0 - x / axle) * c) / (2.0 * self.wheels.suspension.stiffness)
+            pitch = math.atan2(z + front - rear, axle)
+        return (radius - rear) * math.cos(pitch), pitch
 
     @property
     def ride_height(self) -> float:
         """Height of the origin of the vehicle frame above the ground at rest [m]."""
-        return self.wheels.radius * math.cos(self.ride_pitch)
+        return self.rest[0]
 
     @property
     def full_throttle_speed(self) -> float:
@@ -394,7 +408,8 @@ class VehicleSpec(Spec):
 
     def standing(self, x: float, y: float, yaw: float) -> tuple[float, ...]:
         """Pose of the vehicle at rest on the ground at x, y [m] with heading yaw [rad]: position, quaternion wxyz."""
-        return (x, y, self.ride_height, *quaternion_from_euler(0.0, self.ride_pitch, yaw))
+        height, pitch = self.rest
+        return (x, y, height, *quaternion_from_euler(0.0, pitch, yaw))
 
     @property
     def colliders(self) -> dict[str, ColliderSpec]:

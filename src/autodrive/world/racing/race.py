@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.elementary import atan2
 from autodrive.base.jit import resolved
 from autodrive.protocol.messages import (
     CheckpointPassed,
@@ -31,6 +32,12 @@ from autodrive.world.racing.contacts import SIDE_BY_SIDE, ContactJudge
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m], heading [rad]."""
 
+ROOT = 0.16
+"""Distance of the root of the league's car ahead of its rear axle [m]; a set-back places the root."""
+TRACK_WIDTH = 0.236
+"""Track of the league's car [m]: two cars that have touched stand this far to the left and right of a checkpoint."""
+SEPARATE = 4.0 * TRACK_WIDTH
+"""Two cars that were set side by side may touch again once they have been farther apart than this [m]."""
 SET_BACK_STEP, SET_BACK_SIDE = 0.7, 0.35
 """Distances by which a vehicle is set back farther, or beside the centre line, if its place is taken [m]."""
 SET_BACK_PLACES = 10
@@ -62,13 +69,15 @@ class Entry:
     """Time at which the laps that count began [s]; not a number: they have not begun."""
     race_time: float = 0.0
     """Time of the race of a vehicle that races no more [s]."""
-    last_lap: float = 0.0
-    best_lap: float = 0.0
+    last_lap: float = math.inf
+    best_lap: float = math.inf
     penalty: float = 0.0
     collisions: int = 0
     gap: float = 0.0
     travelled: float = 0.0
     """`Progress.travelled` at the checkpoint that it passed last [m]."""
+    lap_travelled: float = 0.0
+    """`Progress.travelled` at the beginning of the present lap [m]."""
     held_until: float = -math.inf
     """Time until which the vehicle stands after a set-back [s]."""
 
@@ -79,8 +88,10 @@ class Race:
     `judge` is called once in a tick. The reference point of a vehicle is the centre of its rear axle.
     """
 
-    def __init__(self, names: Sequence[str], track: Track, rules: RaceRules, tick: float) -> None:
-        """`tick` [s]: duration of a tick."""
+    def __init__(
+        self, names: Sequence[str], track: Track, rules: RaceRules, tick: float, boxes: Collection[str] = ()
+    ) -> None:
+        """`tick` [s]: duration of a tick; `boxes`: names of the objects that do not belong to the track."""
         self.track = track
         self.rules = rules
         self._names = list(names)
@@ -89,9 +100,9 @@ class Race:
         self._has_limits = any(limit is not None for limit in limits)
         self._gates = gates(track, rules.checkpoint_distance)
         self._lap_total = rules.lap_total
-        self._step = track.length / len(self._gates)
-        """Distance of neighbouring checkpoints [m]."""
-        self._starts: list[Pose] = []
+        self._boxes = frozenset(boxes)
+        self._gates_at = [*self._gates[:, 6].tolist(), track.length]
+        """Distance of each checkpoint along the centre line, and the length of a lap [m]."""
         self._entries = [Entry() for _ in names]
         self._progress = progress(len(self._names))
         self._contacts: ContactJudge | None = None
@@ -99,6 +110,8 @@ class Race:
             self._contacts = ContactJudge(track, len(names), tick)
         self._first_at: dict[tuple[int, int], float] = {}
         """When the first vehicle passed a checkpoint, by lap and checkpoint."""
+        self._side_by_side: set[tuple[int, int]] = set()
+        """Pairs of vehicles that were set side by side and have not been apart since."""
         line, positions = track.line, np.zeros((len(self._names), 3))
         self._start = resolved(start, line, positions, 0, self._progress)
         self._advance = resolved(advance, line, self._gates, positions, tick, self._progress)
@@ -106,7 +119,7 @@ class Race:
     @property
     def identity(self) -> str:
         """Text that differs between different races."""
-        return repr((self.track.name, self.track.centre_line.tolist(), self.rules.model_dump()))
+        return repr((self.track.name, self.track.centre_line.tolist(), self._gates.tolist(), self.rules.model_dump()))
 
     @property
     def checkpoints(self) -> int:
@@ -120,18 +133,17 @@ class Race:
 
     # -- state --------------------------------------------------------------------------------------------------
 
-    def reset(self, poses: Sequence[Pose], positions: Floats) -> None:
-        """Start again from these poses on the ground; `positions` [m], shape (n_vehicle, 3)."""
-        self._starts = list(poses)
+    def reset(self, positions: Floats) -> None:
+        """Start again from these positions [m], shape (n_vehicle, 3)."""
         self._entries = [Entry() for _ in self._names]
-        self._first_at = {}
+        self._first_at, self._side_by_side = {}, set()
         for column in self._progress:
             column[:] = 0
-        self._progress.next_gate[:] = 1
         if self._contacts is not None:
             self._contacts.reset()
         for i in range(len(self._names)):
             self.moved(i, positions)
+            self._entries[i].lap_travelled = float(self._progress.travelled[i])
         if self.rules.start_delay == 0.0:
             for entry in self._entries:
                 entry.status = RACING
@@ -141,12 +153,13 @@ class Race:
         """Everything that the future depends on, for `restore`."""
         columns = tuple(column.copy() for column in self._progress)
         contacts = self._contacts and self._contacts.save()
-        return list(self._starts), [replace(entry) for entry in self._entries], columns, dict(self._first_at), contacts
+        entries = [replace(entry) for entry in self._entries]
+        return entries, columns, dict(self._first_at), set(self._side_by_side), contacts
 
     def restore(self, saved: Any) -> None:
         """Go back to the state of `save`."""
-        starts, entries, columns, first_at, contacts = saved
-        self._starts, self._first_at = list(starts), dict(first_at)
+        entries, columns, first_at, side_by_side, contacts = saved
+        self._first_at, self._side_by_side = dict(first_at), set(side_by_side)
         self._entries = [replace(entry) for entry in entries]
         for column, kept in zip(self._progress, columns, strict=True):
             column[:] = kept
@@ -174,6 +187,9 @@ class Race:
             events += self._passed(time, positions)
         if self._contacts is not None:
             self._contacts.note(time, self._progress.s, self._progress.lateral)
+        for pair in tuple(self._side_by_side):
+            if math.dist(*(positions[i, :2] for i in pair)) > SEPARATE:
+                self._side_by_side.discard(pair)
         if happened:
             self._collide(time, positions, happened, events, moves)
         self._check_limits(time, positions, events, moves)
@@ -202,8 +218,8 @@ class Race:
 
     def states(self, time: float) -> list[RaceState]:
         """The state of each vehicle at that time [s], for a Frame."""
-        p, gates = self._progress, len(self._gates)
-        checkpoints = [(gate - 1) % gates for gate in p.next_gate.tolist()]
+        p = self._progress
+        checkpoints = p.counted.tolist()
         distances = list(map(self._distance, self._entries, checkpoints, p.travelled.tolist()))
         ranks, is_wrong_way = self._ranks(distances), p.is_wrong_way.tolist()
         states: list[RaceState] = []
@@ -251,22 +267,35 @@ class Race:
         for i, entry in enumerate(self._entries):
             if entry.status != RACING:
                 continue
-            fraction = float(p.passed[i])
-            if not math.isnan(fraction):
-                events += self._pass_gate(i, entry, time - (1.0 - fraction) * self._tick, positions)
+            if (gate := int(p.crossed[i])) >= 0:
+                events += self._cross(i, entry, gate, time - (1.0 - float(p.passed[i])) * self._tick, positions)
             if p.has_turned[i]:
                 events.append(WrongWay(time, self._names[i], read_only_copy(positions[i])))
         return events
 
-    def _pass_gate(self, i: int, entry: Entry, time: float, positions: Floats) -> list[Event]:
-        gate = int(self._progress.next_gate[i])
+    def _cross(self, i: int, entry: Entry, gate: int, time: float, positions: Floats) -> list[Event]:
+        """Vehicle i has crossed a checkpoint forward: the events, if it counts."""
+        p = self._progress
+        count, left = int(p.counted[i]), int(p.left[i])
+        p.left[i] = gate
+        if gate and self.rules.missed_checkpoint == "made_good":
+            is_passed = left == gate - 1
+        else:
+            is_passed = count == (gate or len(self._gates)) - 1
+        # a vehicle that reverses over the finish line and returns has not driven a lap
+        is_round = gate > 0 or p.travelled[i] - entry.lap_travelled > 0.5 * self.track.length
+        if not (is_passed and is_round):
+            return []
+        p.counted[i] = gate
+        entry.travelled = float(p.travelled[i]) - self._ahead(i)
+        return self._pass(i, entry, gate, time, positions) if gate > count or gate == 0 else []
+
+    def _pass(self, i: int, entry: Entry, gate: int, time: float, positions: Floats) -> list[Event]:
         number = gate or len(self._gates)
         lap, name, place = entry.laps + 1, self._names[i], read_only_copy(positions[i])
         split, sector = time - entry.lap_start, time - entry.split_start
         events: list[Event] = [CheckpointPassed(time, name, lap, number, split, sector, place)]
         entry.split_start = time
-        self._progress.next_gate[i] = (gate + 1) % len(self._gates)
-        entry.travelled = float(self._progress.travelled[i]) - self._ahead(i)
         entry.gap = time - self._first_at.setdefault((lap, number), time)
         if gate == 0:
             events += self._complete_lap(i, entry, time, positions)
@@ -277,9 +306,10 @@ class Race:
         entry.laps += 1
         entry.last_lap = time - entry.lap_start
         entry.lap_start = time
+        entry.lap_travelled = float(self._progress.travelled[i])
         is_counted = entry.laps > rules.warm_up_laps
         if is_counted:
-            entry.best_lap = min(entry.best_lap or math.inf, entry.last_lap)
+            entry.best_lap = min(entry.best_lap, entry.last_lap)
         name, place = self._names[i], read_only_copy(positions[i])
         events: list[Event] = [LapCompleted(time, name, entry.laps, entry.last_lap, is_counted, place)]
         if entry.laps == rules.warm_up_laps:
@@ -292,14 +322,23 @@ class Race:
     def _collide(
         self, time: float, positions: Floats, happened: Sequence[Event], events: list[Event], moves: list[Move]
     ) -> None:
-        reasons: dict[int, str] = {}
+        faults: dict[int, tuple[str, int, float]] = {}
+        """Reason, checkpoint at which the vehicle will stand, and how far to the left of it [m], by vehicle."""
         for event in happened:
-            if isinstance(event, Collision):
-                i = self._names.index(event.vehicle)
-                if self._entries[i].status == RACING and (fault := self._fault(i, event.other)):
-                    reasons.setdefault(i, f"{fault} with {event.other}")
-        for i, reason in reasons.items():
+            if not isinstance(event, Collision) or (event.other in self._boxes and not self.rules.counts_boxes):
+                continue
+            i = self._names.index(event.vehicle)
+            if self._entries[i].status != RACING:
+                continue
+            if self.rules.vehicle_contact == "side_by_side" and event.other in self._names:
+                j = self._names.index(event.other)
+                faults |= {k: (f"collision with {self._names[i + j - k]}", *place) for k, place in self._beside(i, j)}
+            elif fault := self._fault(i, event.other):
+                faults.setdefault(i, (f"{fault} with {event.other}", self._checkpoint(i), 0.0))
+        for i, (reason, checkpoint, side) in faults.items():
             self._penalise(i, reason, time, positions, events, moves)
+            if self.rules.is_set_back and self._entries[i].status == RACING:
+                self._set_back(i, checkpoint, side, time, positions, events, moves)
 
     def _fault(self, i: int, other: str) -> str:
         """What vehicle i pays for in its contact with `other`; empty if it does not pay."""
@@ -314,27 +353,52 @@ class Race:
         rule = self.rules.vehicle_contact
         return "collision" if rule == "both" or (rule == "behind" and ahead > -SIDE_BY_SIDE) else ""
 
+    def _beside(self, i: int, j: int) -> list[tuple[int, tuple[int, float]]]:
+        """Where two vehicles that touch are set side by side: checkpoint and how far to the left of it [m] of each.
+
+        Empty if this contact does not count.
+        """
+        pair = min(i, j), max(i, j)
+        if pair in self._side_by_side or self._entries[j].status != RACING:
+            return []
+        self._side_by_side.add(pair)
+        leading = max(pair, key=lambda k: (self._entries[k].laps, self._checkpoint(k)))
+        left = max(pair, key=lambda k: float(self._progress.lateral[k]))
+        return [(k, (self._checkpoint(leading), TRACK_WIDTH if k == left else -TRACK_WIDTH)) for k in pair]
+
     def _penalise(
         self, i: int, reason: str, time: float, positions: Floats, events: list[Event], moves: list[Move]
     ) -> None:
         entry, rules, name = self._entries[i], self.rules, self._names[i]
-        if rules.counts_warm_up_collisions or entry.laps >= rules.warm_up_laps:
-            entry.collisions += 1
-            entry.penalty = rules.adjusted_time(0.0, entry.collisions)
-            if rules.collision_penalty:
-                events.append(RacePenalty(time, name, reason, rules.collision_penalty, read_only_copy(positions[i])))
-            if rules.is_disqualified_by(entry.collisions):
-                why = f"more than {rules.collision_limit} collisions"
-                event, parked = self.end(i, DISQUALIFIED, why, time, positions)
-                events.append(event)
-                moves += parked
-                return
-        if rules.is_set_back:
-            events.append(SetBack(time, name, self._checkpoint(i), read_only_copy(positions[i])))
-            entry.held_until = time + rules.restart_delay
-            if self._contacts is not None:
-                self._contacts.set_back(i, entry.held_until)
-            moves.append(Move(i, self._set_back_poses(i)))
+        if not rules.counts_warm_up_collisions and entry.laps < rules.warm_up_laps:
+            return
+        entry.collisions += 1
+        entry.penalty = rules.adjusted_time(0.0, entry.collisions)
+        if rules.collision_penalty:
+            events.append(RacePenalty(time, name, reason, rules.collision_penalty, read_only_copy(positions[i])))
+        if rules.is_disqualified_by(entry.collisions):
+            why = f"more than {rules.collision_limit} collisions"
+            event, parked = self.end(i, DISQUALIFIED, why, time, positions)
+            events.append(event)
+            moves += parked
+
+    def _set_back(
+        self,
+        i: int,
+        checkpoint: int,
+        side: float,
+        time: float,
+        positions: Floats,
+        events: list[Event],
+        moves: list[Move],
+    ) -> None:
+        """Let vehicle i stand at a checkpoint, or so far to the left of it [m]."""
+        entry = self._entries[i]
+        events.append(SetBack(time, self._names[i], checkpoint, read_only_copy(positions[i])))
+        entry.held_until = time + self.rules.restart_delay
+        if self._contacts is not None:
+            self._contacts.set_back(i, entry.held_until)
+        moves.append(Move(i, self._set_back_poses(checkpoint, side)))
 
     def _check_limits(self, time: float, positions: Floats, events: list[Event], moves: list[Move]) -> None:
         rules, p = self.rules, self._progress
@@ -358,21 +422,21 @@ class Race:
     # -- places -------------------------------------------------------------------------------------------------
 
     def _checkpoint(self, i: int) -> int:
-        """Number of checkpoints that vehicle i has passed in its lap."""
-        return (int(self._progress.next_gate[i]) - 1) % len(self._gates)
+        """Number of the checkpoint that vehicle i has passed last in its lap; 0: the start line."""
+        return int(self._progress.counted[i])
 
     def _distance_along(self, i: int) -> float:
         return float(self._progress.s[i])
 
     def _distance(self, entry: Entry, passed: int, travelled: float) -> float:
         """Distance along the track since the start line [m]; a checkpoint that was missed holds it."""
-        length, step = self.track.length, self._step
-        return entry.laps * length + passed * step + min(travelled - entry.travelled, step)
+        at, following = self._gates_at[passed : passed + 2]
+        return entry.laps * self.track.length + at + min(travelled - entry.travelled, following - at)
 
     def _ahead(self, i: int) -> float:
         """Distance of vehicle i from the checkpoint that it passed last, along the track; half a lap at most [m]."""
         length = self.track.length
-        ahead = self._distance_along(i) - length * self._checkpoint(i) / len(self._gates)
+        ahead = self._distance_along(i) - self._gates_at[self._checkpoint(i)]
         return ahead - length * round(ahead / length)
 
     def _ranks(self, distances: Sequence[float]) -> list[int]:
@@ -392,16 +456,14 @@ class Race:
             return 0, entry.race_time + entry.penalty, entry.best_lap
         return (2 if entry.status == RETIRED else 3 if entry.status == DISQUALIFIED else 1), -distance, 0.0
 
-    def _set_back_poses(self, i: int) -> tuple[Pose, ...]:
-        """The checkpoint that vehicle i passed last, or its place at the start; then places behind and beside that."""
-        passed = self._checkpoint(i)
-        first = self._starts[i] if passed == 0 and self._entries[i].laps == 0 else None
-        s = self.track.length * passed / len(self._gates)
-        own = () if first is None else (first,)
-        return own + tuple(
-            self.track.pose_at(s - SET_BACK_STEP * back, side)
+    def _set_back_poses(self, checkpoint: int, side: float) -> tuple[Pose, ...]:
+        """A checkpoint, or a place so far to the left of it [m]; then places behind and beside that."""
+        x, y, dx, dy, *_, at = self._gates[checkpoint].tolist()
+        own = x - ROOT * dx - side * dy, y - ROOT * dy + side * dx, atan2(dy, dx)
+        return own, *(
+            self.track.pose_at(at - ROOT - SET_BACK_STEP * back, beside)
             for back in range(SET_BACK_PLACES)
-            for side in (0.0, SET_BACK_SIDE, -SET_BACK_SIDE)
+            for beside in (0.0, SET_BACK_SIDE, -SET_BACK_SIDE)
         )
 
     def _parking(self, i: int) -> Pose:

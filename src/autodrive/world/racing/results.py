@@ -38,7 +38,8 @@ class Lap:
     lap: int
     time: float
     is_counted: bool
-    sectors: list[float]
+    sectors: list[float | None]
+    """Time from the checkpoint before to each checkpoint; None for one that was missed."""
     penalties: int
 
 
@@ -56,8 +57,8 @@ class Standing:
     collisions: int
     penalty: float
     adjusted_time: float
-    best_lap: float
-    """Time of the best lap that counts [s]; 0 without one."""
+    best_lap: float | None
+    """Time of the best lap that counts [s]; None without one."""
     laps: list[Lap]
 
     @property
@@ -120,7 +121,7 @@ class RaceResult:
         writer.writerow(("vehicle", "team", "lap", "is_counted", "time", "penalties", *names))
         for standing in self.standings:
             for lap in standing.laps:
-                times = (f"{value:.4f}" for value in (lap.time, *lap.sectors))
+                times = ("" if value is None else f"{value:.4f}" for value in (lap.time, *lap.sectors))
                 time, *splits = times
                 row = standing.vehicle, standing.team, lap.lap, int(lap.is_counted), time, lap.penalties
                 writer.writerow((*row, *splits))
@@ -132,7 +133,7 @@ class _Record:
     """What one vehicle has done."""
 
     laps: list[Lap] = field(default_factory=list)
-    sectors: list[float] = field(default_factory=list)
+    sectors: list[float | None] = field(default_factory=list)
     penalties: int = 0
     reason: str = ""
     driven: list[tuple[float, float, float]] = field(default_factory=list)
@@ -189,7 +190,8 @@ def _states(frame: Frame) -> dict[str, RaceState]:
 def _note(record: _Record, event: CheckpointPassed | LapCompleted | RacePenalty | RaceStatusChanged) -> None:
     match event:
         case CheckpointPassed():
-            record.sectors.append(event.sector_time)
+            if (missed := event.checkpoint - 1 - len(record.sectors)) >= 0:  # less: the vehicle has come back to it
+                record.sectors += [*[None] * missed, event.sector_time]
         case LapCompleted():
             lap = Lap(event.lap, event.lap_time, event.is_counted, record.sectors, record.penalties)
             record.laps.append(lap)
@@ -211,7 +213,7 @@ def _standing(name: str, team: str, state: RaceState, record: _Record) -> Standi
         collisions=state.collision_count,
         penalty=state.penalty,
         adjusted_time=state.race_time + state.penalty,
-        best_lap=state.best_lap_time,
+        best_lap=state.best_lap_time if math.isfinite(state.best_lap_time) else None,
         laps=record.laps,
     )
 
