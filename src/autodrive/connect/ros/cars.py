@@ -28,7 +28,7 @@ class Car:
     image_size: tuple[int, int]
     """Width and height of the images [pixels]."""
     focal_length: float
-    """Of the cameras, whose pixels are square [pixels]."""
+    """Focal length of the cameras, whose pixels are square [pixels]."""
     lidar_rays: int
     lidar_angle_min: float
     """Angle of the first ray in a message [deg]."""

@@ -26,7 +26,6 @@ SPEED, STEERING = 6.0, 30.0
 """[m/s] and [degrees] for commands of 1."""
 port, target = int(sys.argv[sys.argv.index("--port") + 1]), float(sys.argv[sys.argv.index("--speed") + 1])
 sio = socketio.Server(async_mode="eventlet")
-speed = 0.0
 
 
 def numbers(text, sep=" "):
@@ -49,7 +48,6 @@ def read(data):
 
 @sio.on("Bridge")
 def bridge(sid, data):
-    global speed
     try:
         readings = read(data)
         print(json.dumps(readings), flush=True)
