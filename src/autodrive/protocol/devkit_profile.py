@@ -75,6 +75,14 @@ class Profile:
 
 _SIGN: dict[Side, float] = {"left": 1.0, "right": -1.0}
 
+# the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
+_LEAGUE = Profile(
+    *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
+    velocity_at=(0.15532, 0.00008, 0.01434),  # the centre of mass: IMU.cs reads the rigid body
+    has_race=True,
+    has_common_reset=True,
+    cameras=("front",),
+)
 PROFILES = {
     profile.name: profile
     for profile in (
@@ -85,14 +93,9 @@ PROFILES = {
         # simulator of that year took right-positive commands, and scripts written for it need `steering` "right"
         Profile("2023", "prefixed", 3, "text", False, "left", "left"),
         Profile("2025", "prefixed", 4, "gzip", True, "left", "left", has_common_reset=True),
-        # the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
-        Profile(
-            *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
-            velocity_at=(0.15532, 0.00008, 0.01434),  # the centre of mass: IMU.cs reads the rigid body
-            has_race=True,
-            has_common_reset=True,
-            cameras=("front",),
-        ),
+        _LEAGUE,
+        # the devkit of the NeoRacer, 2026: the same messages, of another car
+        replace(_LEAGUE, name="neoracer", velocity_at=(0.13, 0.0, 0.04)),
     )
 }
 

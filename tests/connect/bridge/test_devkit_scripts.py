@@ -37,6 +37,7 @@ FOLLOW_LANE = ROOT / "examples" / "devkit" / "follow_lane.py"
 SLOW = Path(__file__).parent / "servers" / "slow.py"
 LEAGUE = Path(__file__).parent / "servers" / "league.py"
 AALTO = Path(__file__).parent / "servers" / "aalto.py"
+NEORACER = Path(__file__).parent / "servers" / "neoracer.py"
 READ_TELEMETRY = Path(__file__).parent / "servers" / "read_telemetry.py"
 SMALL_IMAGES = {("V1", side): (64, 48) for side in ("front", "rear")}
 """Eventlet unmasks messages byte by byte in Python, and the script decodes them."""
@@ -265,6 +266,41 @@ def test_a_script_that_reads_gzip_only_drives_nigel_from_the_first_message_on(
     assert set(received[1:]) == {360}
 
 
+@pytest.mark.toolchain
+def test_the_bridge_of_the_neoracer_drives_it_at_the_commanded_speed(tmp_path: Path) -> None:
+    """In a circle to the left. With throttle 1, which it takes for 6 m/s, the treads do 36.1 / 0.25 x 0.0425 m/s."""
+    places = {"V1": VehiclePlacement(type="neoracer", is_autonomous=True)}
+    simulation = Simulation(autodrive.make(ScenarioSpec(vehicles=places, tick=0.025)))
+    spec = simulation.world.vehicle_specs["V1"]
+    sizes = {("V1", name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
+    port, lines = free_port(), tmp_path / "lines"
+    command = [python_of("legacy"), NEORACER, "--port", str(port), "--speed", "2"]
+    with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT) as process:
+        try:
+            wait_until(lambda: is_listening(port) or process.poll() is not None)
+            bridge = DevkitBridge(
+                simulation,
+                port=port,
+                image_sizes=lambda: sizes,
+                vehicle_profile=lambda: spec.devkit_profile,
+                resend_delay=2 * LIMIT,
+            )
+            with simulation, bridge:
+                wait_until(lambda: process.poll() is not None or simulation.frame.time > 3.0)
+                counters = bridge.counters
+            assert process.poll() is None, lines.read_text()
+        finally:
+            process.kill()
+    first, *_, last = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("}")]
+    assert (counters.profile, counters.refused_values) == ("neoracer", 0)
+    assert (first["rays"], first["image"]) == (1081, [640, 480])
+    treads = 36.1 / 0.25 * 0.0425
+    speed = math.hypot(*last["Linear Velocity"][:2])
+    assert speed == pytest.approx(2.0 * 1.5 * treads / (6.0 + 0.5 * treads), rel=0.03)  # 3 %: the slip of the tyres
+    assert last["Angular Velocity"][2] == pytest.approx(speed * math.tan(math.radians(6.0)) / 0.285, rel=0.1)
+    assert last["Linear Velocity"][1] > 0.05  # of the centre of mass, ahead of the rear axle
+
+
 def test_the_matlab_toolbox_drives_the_car_of_the_league() -> None:
     """With images of the camera of the car, and without an option."""
     places = {"V1": VehiclePlacement(type="roboracer", is_autonomous=True)}
@@ -318,7 +354,7 @@ def test_scripts_of_all_years_read_their_telemetry(stack: str) -> None:
         assert data["Throttle"] == 0.5
         assert data["Orientation Quaternion"] == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], abs=5e-4)
         assert data["Front Camera Image"] == [[720, 1280, 3], 0, 0], year
-        assert data.get("Rear Camera Image") == (None if year == "roboracer" else data["Front Camera Image"])
+        assert data.get("Rear Camera Image") == (None if PROFILES[year].has_race else data["Front Camera Image"])
 
 
 @pytest.mark.parametrize("stack", STACKS)

@@ -48,7 +48,7 @@ class Detection:
         """Format of the latest scan."""
         self._answered: LidarFormat | None = None
         self._answers = 0
-        """Format of the scan before the latest command, and number of commands in sequence with the same format."""
+        """Format of the scan before the latest command, and the number of commands in sequence with this format."""
         self.note = ""
         """What the user should know about the choice; empty if it is certain."""
 

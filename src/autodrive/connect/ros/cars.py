@@ -28,7 +28,7 @@ class Car:
     image_size: tuple[int, int]
     """Width and height of the images [pixels]."""
     focal_length: float
-    """Of the cameras, whose pixels are square [pixels]."""
+    """Focal length of the cameras, whose pixels are square [pixels]."""
     lidar_rays: int
     lidar_angle_min: float
     """Angle of the first ray in a message [deg]."""
@@ -96,4 +96,20 @@ ROBORACER_F1TENTH = replace(
     speed_limit=20.0,
     steering_limit=0.4189,
 )
-CARS = {car.name: car for car in (NIGEL, NIGEL_2023, ROBORACER, ROBORACER_PHYSICAL, ROBORACER_F1TENTH)}
+NEORACER = Car(
+    name="neoracer",
+    wheelbase=0.285,
+    wheel_radius=0.0425,
+    speed_limit=6.137,
+    steering_limit=0.5236,
+    cameras=("front",),
+    image_size=(640, 480),
+    focal_length=528.70,
+    lidar_rays=1081,
+    lidar_angle_min=-135.0,
+    lidar_field_of_view=270.0,
+    lidar_range_min=0.06,
+    lidar_range_max=25.0,
+    lidar_rate=30.0,
+)
+CARS = {car.name: car for car in (NIGEL, NIGEL_2023, ROBORACER, ROBORACER_PHYSICAL, ROBORACER_F1TENTH, NEORACER)}

@@ -162,7 +162,7 @@ class DevkitSource:
             if not self._config.is_league:
                 values["Headlights"] = str(int(command.headlights or 0))
                 values["Indicators"] = str(int(command.indicators or 0))
-            if devkit.name in ("2025", "roboracer"):
+            if devkit.has_common_reset:  # the devkits since late 2024
                 values["Reset"] = str(name in self.resets)
             answer |= {f"{vehicle.prefix} {key}".lstrip(): text for key, text in values.items()}
             vehicle.command = command

@@ -318,9 +318,9 @@ class VehicleSpec(Spec):
     """Title for menus and lists."""
     summary: dict[str, str] = Field(default_factory=dict)
     """Components of the car, as text (report, table 1)."""
-    look: Literal["platforms", "racer"] = "platforms"
+    look: Literal["platforms", "racer", "enclosed"] = "platforms"
     """Kind of the mesh. platforms: a stack of acrylic platforms with boards. racer: a 1:10 race car, whose chassis and
-    deck are the two `platforms`."""
+    deck are the two `platforms`. enclosed: a race car with an enclosure instead of the deck."""
     size: Size
     """Overall length, width, height [m]."""
     wheelbase: Length
@@ -353,14 +353,20 @@ class VehicleSpec(Spec):
             for place, box in boxes.items()
             if box.position[2] - box.size[2] / 2 < -self.ride_height - 1e-6
         ]
-        if self.look == "racer" and len(self.platforms) != 2:
-            errors.append((("platforms",), "must be two, chassis and deck, for look: racer"))
+        if self.is_race_car and len(self.platforms) != 2:
+            upper = "deck" if self.look == "racer" else "enclosure"
+            errors.append((("platforms",), f"must be two, chassis and {upper}, for look: {self.look}"))
         x, y, _ = self.body.center_of_mass
         if not (0.0 <= x <= self.wheelbase and abs(y) <= self.track / 2):
             errors.append((("body", "center_of_mass"), "must be between the wheels; otherwise the car falls over"))
         if errors:
             raise RuleError(errors)
         return self
+
+    @property
+    def is_race_car(self) -> bool:
+        """Whether it looks like a race car, which can be painted."""
+        return self.look != "platforms"
 
     @property
     def hubs(self) -> tuple[Vector, Vector, Vector, Vector]:
