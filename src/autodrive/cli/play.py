@@ -39,7 +39,8 @@ def play(
     ),
     rival: str | None = option(
         "What drives the second car of 'duel': a policy, or a Python file with command(ranges, angles), such as "
-        "examples/racing/follow_the_gap.py.  [default: the same policy]",
+        "examples/racing/follow_the_gap.py; if a network (.onnx) drives the first one, another network.  "
+        "[default: the same policy]",
         metavar="NAME",
     ),
     force: Force = False,
@@ -69,7 +70,7 @@ def play(
         if task == "crossing":
             without |= {"--laps", "--noise", "--rival"}
         elif track is not None and Path(track).suffix != ".npz":  # a network of the published task
-            without |= {"--laps", "--rival"}
+            without |= {"--laps"}
         _refuse(is_given, without, f"in the task '{task}'{' without the page' * headless}")
         team = _team_of(task, track if is_team else policy, rival, laps=laps or 2, has_noise=noise)
         _drive_team(team, episodes, seed, headless=headless, port=port, is_lockstep=lockstep)
@@ -134,12 +135,18 @@ def _in_environment(policy: Policy) -> None:
 
 def _team_of(task: str, policy: str | None, rival: str | None, *, laps: int, has_noise: bool) -> Team:
     """All cars of a task, and the policy that drives them; None: the included one."""
+    from autodrive.base.errors import SpecError
     from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
     from autodrive.experiments.policies.team import duel_team, foreign_team, learnt_team, program
 
-    if policy is not None and Path(policy).suffix == ".onnx":
-        return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
+    is_network = policy is not None and Path(policy).suffix == ".onnx"
+    if rival is not None and is_network != (Path(rival).suffix == ".onnx"):
+        raise SpecError(["--rival: a network (.onnx) drives in the published task, against another network only"])
+    if is_network:
+        assert policy is not None
+        other = None if rival is None else ForeignPolicy(rival, task)
+        return foreign_team(ForeignPolicy(policy, task), other, has_noise=has_noise)
     chosen = Policy.find(policy or TEAMS[task])
     if task == "crossing":
         return learnt_team(chosen)

@@ -8,16 +8,18 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import shapely
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.transforms import yaw_from_quaternion
+from autodrive.experiments.envs import porto
 from autodrive.experiments.envs.crossing import LANES, NEAR
 from autodrive.experiments.envs.crossing_env import CrossingParallelEnv, CrossingVectorEnv
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
+from autodrive.experiments.envs.duel import CHECKPOINTS
 from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
 from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 
@@ -297,21 +299,54 @@ def pursuit(env: DuelParallelEnv, agent: str, right: float = 0.0) -> float:
 
 
 def act(env: DuelParallelEnv, agent: str) -> int:
-    """A published action with the smallest throttle."""
+    """A published action with half throttle."""
     steering = pursuit(env, agent, 0.3 if agent == "V1" else -0.3)
-    return 0 if steering > 0.3 else 2 if steering < -0.3 else 1
+    return 3 if steering > 0.3 else 5 if steering < -0.3 else 4
 
 
-def test_the_rays_of_the_published_duel_are_those_of_the_scan() -> None:
+def test_the_rays_of_the_published_duel_end_at_the_walls_in_the_order_of_ml_agents() -> None:
+    """The order is that of `GetRayAngles` of ML-Agents: 90, 90 - d, 90 + d, 90 - 2 d, ... with x to the right."""
     env = DuelParallelEnv(variant="published")
     observations, _ = env.reset(seed=1)
-    scan = env.vector.batch.readings.lidar_ranges[0, 0]
-    for k, bearing in enumerate(BEARINGS):
-        distance = scan[round((bearing + 135.0) / 0.25)]
-        expected = [float(math.isinf(distance)), min(max(distance, 0.0), 10.0) / 10.0]
-        assert observations["V1"][2 * k : 2 * k + 2] == pytest.approx(expected, abs=1e-6)
-    assert BEARINGS[:5] == [0.0, -10.0, 10.0, -20.0, 20.0]
-    assert max(BEARINGS) == 130.0
+    walls = shapely.MultiLineString([shapely.LinearRing(wall) for wall in porto.track().walls])
+    delta = 135.0 / 13
+    angles = [90.0, *(90.0 + side * k * delta for k in range(1, 14) for side in (-1, 1))]
+    (x, y), yaw = env.vector.batch.readings.position[0, 0, :2], -math.pi / 2
+    x, y = x + 0.2733 * math.cos(yaw), y + 0.2733 * math.sin(yaw)
+    hits = 0
+    for k, angle in enumerate(angles):
+        bearing = yaw + math.radians(angle) - math.pi / 2
+        ray = shapely.LineString([(x, y), (x + 10.0 * math.cos(bearing), y + 10.0 * math.sin(bearing))])
+        away = ray.intersection(walls).distance(shapely.Point(x, y)) / 10.0 if ray.intersects(walls) else 1.0
+        is_hit, distance = observations["V1"][2 * k : 2 * k + 2].tolist()
+        # walls are simplified by 3 mm; a ray that meets them at 5 degrees sees that 12 times as far away
+        assert (is_hit, distance) == (float(away == 1.0), pytest.approx(away, abs=4e-3))
+        hits += away < 1.0
+    assert 20 < hits < 27  # those ahead end on the straight
+
+
+def test_the_published_duel_has_the_car_the_starts_and_the_steps_of_the_published_scene() -> None:
+    env = DuelParallelEnv(variant="published")
+    env.reset(seed=3)
+    readings, track = env.vector.batch.readings, porto.track()
+    for car, (x, y, yaw) in enumerate([(14.8, -7.0, -90.0), (11.0, -15.0, 60.0)]):
+        at, heading = readings.position[0, car, :2], yaw_from_quaternion(readings.orientation[0, car])
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        assert math.degrees(heading) == pytest.approx(yaw, abs=1e-6)
+        assert at + 0.16 * ahead == pytest.approx((x, y), abs=1e-6)  # the root is 0.16 m before the rear axle
+        s, aside = track.project(x, y)
+        assert abs(aside) < 0.1
+        assert math.cos(track.pose_at(s)[2] - heading) > math.cos(math.radians(15.0))
+    fast = 7  # throttle 1, straight on
+    before = 0.0
+    for step in range(1, 451):
+        before = readings.encoder_angles[0, 0, 0]
+        env.step({"V1": fast, "V2": 1})
+        assert readings.time[0] == pytest.approx(0.004 * step, abs=1e-9)
+    # the drag of the air of 0.273/s at 5 m/s takes 0.4 % of what the damping of the wheels takes
+    spin = (readings.encoder_angles[0, 0, 0] - before) / 0.004
+    assert spin == pytest.approx((21.4 - 0.059 * 3.470 * 0.273 * readings.velocity[0, 0, 0] / 4.0) / 0.25, rel=5e-3)
+    assert readings.collision_count[0, 0] == 0
 
 
 def test_an_own_duel_ends_for_both_when_one_has_won() -> None:

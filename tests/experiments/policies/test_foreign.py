@@ -164,6 +164,33 @@ def test_a_network_with_any_weights_drives_a_duel_to_its_end(tmp_path: Path) -> 
     assert drive(foreign_team(ForeignPolicy(tmp_path / "policy.onnx", "duel")), 2).is_success.shape == (2, 2)
 
 
+def keeper(file: Path, throttle: int) -> str:
+    """A network for the duel that keeps to the middle: it steers to the side on which the rays see farther."""
+    select, bias = np.zeros((55, 6), np.float32), np.zeros(6, np.float32)
+    bias[throttle] = 1.0
+    bias[4] = 0.05  # straight on, unless a side is better
+    for k in range(4, 8):  # 42 to 73 degrees to the right and to the left
+        right, left = 2 * (2 * k - 1) + 1, 2 * (2 * k) + 1
+        select[left, 3] = select[right, 5] = 1.0
+        select[right, 3] = select[left, 5] = -1.0
+    nodes = [
+        helper.make_node("Concat", ["obs_0", "obs_1"], ["x"], axis=1),
+        helper.make_node("Gemm", ["x", "w", "b"], ["action"]),
+    ]
+    sizes = {"obs_0": (FLOAT, ["batch", 54]), "obs_1": (FLOAT, ["batch", 1])}, {"action": (FLOAT, ["batch", 6])}
+    return save(file, *sizes, nodes, {"w": select, "b": bias})
+
+
+def test_a_network_drives_a_lap_of_the_published_duel_and_the_rival_has_its_own(tmp_path: Path) -> None:
+    """The second car drives too fast with throttle 1."""
+    command = ["play", "duel", keeper(tmp_path / "slow.onnx", 1), "--headless", "--episodes", "1"]
+    whole = "1 episode: 100.0% of the cars succeeded, all 2 in 100.0%; V1 in 100.0%, V2 in 100.0%\n"
+    assert CliRunner().invoke(app, command, catch_exceptions=False).output == whole
+    command += ["--rival", keeper(tmp_path / "fast.onnx", 2)]
+    half = "1 episode: 50.0% of the cars succeeded, all 2 in 0.0%; V1 in 100.0%, V2 in 0.0%\n"
+    assert CliRunner().invoke(app, command, catch_exceptions=False).output == half
+
+
 def test_the_command_prints_how_often_the_cars_succeeded(tmp_path: Path) -> None:
     command = ["play", "crossing", polite(tmp_path / "polite.onnx"), "--headless", "--episodes", "2"]
     result = CliRunner().invoke(app, command, catch_exceptions=False)

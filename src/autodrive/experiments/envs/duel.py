@@ -54,7 +54,7 @@ PUBLISHED_TICK, PUBLISHED_TICKS = 0.001, 4
 """Duration of a tick of the variant "published" [s], and ticks of an action, unless something else is chosen."""
 
 SIDES = [(k + 1) // 2 * (-1 if k % 2 else 1) for k in range(porto.RAYS)]
-"""Number of each ray of the variant "published" to the left of that ahead, in the order of the ray sensor of ML-Agents."""
+"""Number of each ray of the variant "published" to the left of that ahead; the order is that of ML-Agents."""
 BEARINGS = [side * porto.LAST_DEGREES / max(SIDES) for side in SIDES]
 """Bearings of the rays [deg], left positive."""
 PUBLISHED = (
@@ -122,13 +122,16 @@ class Duel(TimeTrial):
         self.known = len(self.features)
         if self.is_published:
             self.choices = choices((0.1, 0.5, 1.0))
-            self.set_lidar(rate=(1.0 + 1e-9) / self._duration)  # a little more: rounded down, it would be a tick too late
+            # a little more than one scan in each step: rounded down, it would be a tick too late
+            self.set_lidar(rate=(1.0 + 1e-9) / self._duration)
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
         """Draw the starts of both cars; see `TimeTrial.starts`."""
         starts = super().starts(rng)
         if self._has_published_starts:
-            starts = [self._start(name, pose) for name, pose in zip(self.scenario.vehicles, porto.starts(), strict=True)]
+            starts = [
+                self._start(name, pose) for name, pose in zip(self.scenario.vehicles, porto.starts(), strict=True)
+            ]
         return [start._replace(memory=(*start.memory, math.inf, 0.0)) for start in starts]
 
     def _start(self, name: str, pose: Pose) -> Start:

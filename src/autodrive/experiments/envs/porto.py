@@ -1,7 +1,10 @@
 """The track and the car of the published racing networks, after the published scene of the original simulator.
 
-The track is like that of Porto: our own points, after the shape of the public map `porto` of f1tenth_simulator. Moved by
-12.825 m along both axes, the middle of that map passes the published starts at 3 and 6 cm.
+The track is like that of Porto: our own points, after the shape of the public map `porto` of f1tenth_simulator. Moved
+by 12.825 m along both axes, the middle of that map passes the published starts at 3 and 6 cm.
+
+The ray sensor of the original is in the plane of the car, whose front is lower; here the rays are level as those of the
+LIDAR. The height of the walls is not published, and rays above walls of 0.254 m would see nothing.
 """
 
 from __future__ import annotations
@@ -20,12 +23,17 @@ from autodrive.scenario.tracks.shape import walls_along
 from autodrive.scenario.tracks.track import BarrierSpec, Pose, Track
 
 POINTS = np.array([
-    (14.8, -7.0, 1.5), (14.7, -9.0, 1.4), (14.65, -11.0, 1.4), (14.5, -13.0, 1.8), (14.4, -15.0, 2.0),
-    (13.9, -16.8, 2.5), (13.0, -17.3, 2.4), (12.0, -17.1, 1.8), (11.25, -16.5, 1.6), (11.0, -15.6, 1.5),
-    (11.25, -14.6, 1.45), (12.4, -13.0, 1.6), (12.85, -11.0, 1.4), (12.2, -9.2, 1.35), (11.5, -7.3, 1.5),
-    (11.4, -6.3, 1.7), (11.5, -5.3, 2.0), (12.0, -4.5, 2.4), (12.9, -4.15, 2.4), (13.9, -4.35, 2.2), (14.55, -5.1, 1.8),
+    (14.8, -7, 1.6), (14.7, -9, 1.5), (14.65, -11, 1.5), (14.5, -13, 1.9), (14.4, -15, 2.1),
+    (13.9, -16.8, 2.6), (13, -17.3, 2.5), (12, -17.1, 1.9), (11.25, -16.5, 1.7), (11, -15.6, 1.6),
+    (11.25, -14.6, 1.55), (12.4, -13, 1.7), (12.85, -11, 1.5), (12.2, -9.2, 1.45), (11.5, -7.3, 1.6),
+    (11.4, -6.3, 1.8), (11.5, -5.3, 2.1), (12, -4.5, 2.5), (12.9, -4.15, 2.5), (13.9, -4.35, 2.3),
+    (14.55, -5.1, 1.9),
 ])  # fmt: skip
-"""x, y of the centre line and width of the track [m]."""
+"""x, y of the centre line and width of the track [m].
+
+The width is that of the map plus 0.1 m: 5 cm are a pixel, in the middle of which a wall is on average, and at the
+height of the wheels a round duct of 0.254 m is 2 cm farther away than the box that stands for it here.
+"""
 BARRIER = BarrierSpec(width=0.254, height=0.254)
 ROOTS: tuple[Pose, ...] = ((14.8, -7.0, -0.5 * math.pi), (11.0, -15.0, math.pi / 3.0))
 """Published starts of both cars: x, y [m] and yaw [rad] of the root of the car."""

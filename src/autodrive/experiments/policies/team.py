@@ -70,13 +70,22 @@ class Results(NamedTuple):
     """Whether the car has collided, unless that was a car behind it on the track."""
 
 
-def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
+def foreign_team(policy: ForeignPolicy, rival: ForeignPolicy | None = None, *, has_noise: bool = False) -> Team:
     """A network that was trained elsewhere, in the published variant of its task.
 
-    `has_noise`: whether the LIDAR of the duel has the noise of its data sheet.
+    `rival`: drives the second car of the duel; None: `policy`. `has_noise`: whether the LIDAR of the duel has the noise
+    of its data sheet.
     """
     task = Crossing(TICKS, "published") if policy.shape.task == Crossing.name else _duel("published", has_noise)
-    return Team(task, lambda _: lambda observations, _: task.choices[policy.act(observations)])
+    drivers = [policy] if rival is None else [policy, rival]
+
+    def act(observations: NDArray[np.float32], _: CarReadings) -> Floats:
+        chosen = np.empty(len(observations), np.int64)
+        for k, driver in enumerate(drivers):
+            chosen[k :: len(drivers)] = driver.act(observations[k :: len(drivers)])
+        return task.choices[chosen]
+
+    return Team(task, lambda _: act)
 
 
 def learnt_team(policy: Policy) -> Team:
@@ -179,7 +188,11 @@ def summary(team: Team, results: Results) -> str:
     number = f"{count} episode{'s' * (count > 1)}"
     if not _is_own_duel(team.task):
         share, whole = results.is_success.mean(), results.is_success.all(axis=1).mean()
-        return f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
+        text = f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
+        if not isinstance(team.task, Duel):
+            return text
+        shares = zip(team.task.scenario.vehicles, results.is_success.mean(axis=0), strict=True)
+        return f"{text}; " + ", ".join(f"{name} in {part:.1%}" for name, part in shares)
     columns = zip(team.task.scenario.vehicles, *(result.mean(axis=0) for result in results), strict=True)
     return f"{number}: " + "; ".join(
         f"{name} won {won:.1%}, collided in {hit:.1%}, by its own fault in {fault:.1%}"
