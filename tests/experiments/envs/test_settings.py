@@ -48,6 +48,8 @@ WRONG: list[tuple[tuple[Any, ...], dict[str, Any], str]] = [
     ((CrossingVectorEnv, 4), {"loss": 1.5}, "loss: must be a number from 0 to 1, not 1.5"),
     ((CrossingVectorEnv, 4), {"delay": -1.0, "rate": 0.0}, r"delay: .* -1.0\n.*rate: .* 0.1 to 1000, not 0"),
     ((DuelVectorEnv, 2), {"variant": "published", "action": "continuous"}, ".*the variant 'published' are discrete"),
+    ((DuelVectorEnv, 2), {"variant": "published", "frame_skip": 0}, "frame_skip: .* from 1 to 50, not 0"),
+    ((DuelVectorEnv, 2), {"variant": "published", "track_seed": 5}, "track: .* do not apply to a given track"),
     ((DuelVectorEnv, 2), {"noise": -1.0}, "noise: must be a number from 0 to 100"),
     ((Crossing, 5, "own", float("nan")), {}, "loss: must be a number from 0 to 1, not nan"),
 ]

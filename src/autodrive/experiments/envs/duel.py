@@ -31,9 +31,12 @@ from typing import Any
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 from autodrive.experiments.envs import porto
+from autodrive.experiments.envs.conditions import whole_number_errors
 from autodrive.experiments.envs.path import follow
+from autodrive.experiments.envs.settings import MOST_TICKS
 from autodrive.experiments.envs.task import CarReadings, Feature, Start, StepOutcome
 from autodrive.experiments.envs.time_trial import DRIVEN, PLACE, TICK, TRACK, TimeTrial
 from autodrive.experiments.envs.variants import Variant, choices, is_published
@@ -55,6 +58,8 @@ PUBLISHED_TICK, PUBLISHED_TICKS = 0.001, 4
 
 SIDES = [(k + 1) // 2 * (-1 if k % 2 else 1) for k in range(porto.RAYS)]
 """Number of each ray of the variant "published" to the left of that ahead; the order is that of ML-Agents."""
+RAYS = np.array(SIDES) + max(SIDES)
+"""Number of each ray in the scan, from right to left."""
 BEARINGS = [side * porto.LAST_DEGREES / max(SIDES) for side in SIDES]
 """Bearings of the rays [deg], left positive."""
 PUBLISHED = (
@@ -106,7 +111,10 @@ class Duel(TimeTrial):
         published. Raises `SpecError`.
         """
         self.is_published = is_published(variant)
-        self.frame_skip = frame_skip or (PUBLISHED_TICKS if self.is_published else TICKS)
+        usual = PUBLISHED_TICKS if self.is_published else TICKS
+        self.frame_skip = usual if frame_skip is None else frame_skip
+        if errors := whole_number_errors({"frame_skip": (self.frame_skip, 1, MOST_TICKS)}):
+            raise SpecError(errors)
         self._has_published_starts = self.is_published and tracks is None
         super().__init__(
             self.frame_skip,
@@ -129,9 +137,8 @@ class Duel(TimeTrial):
         """Draw the starts of both cars; see `TimeTrial.starts`."""
         starts = super().starts(rng)
         if self._has_published_starts:
-            starts = [
-                self._start(name, pose) for name, pose in zip(self.scenario.vehicles, porto.starts(), strict=True)
-            ]
+            poses = zip(self.scenario.vehicles, porto.starts(), strict=True)
+            starts = [self._start(name, pose) for name, pose in poses]
         return [start._replace(memory=(*start.memory, math.inf, 0.0)) for start in starts]
 
     def _start(self, name: str, pose: Pose) -> Start:
@@ -154,7 +161,7 @@ class Duel(TimeTrial):
         gains = np.zeros(len(memory))
         _follow(cars, t.lines, t.count, t.length, self._reach, memory, gains)
         if self.is_published:
-            _see_rays(cars, np.array(SIDES) + max(SIDES), features)
+            _see_rays(cars, RAYS, features)
             _judge_published(cars, t.length, memory, outcome)
         else:
             _see_sectors(cars, features)
