@@ -79,6 +79,9 @@ void main() {
 /** Brightness at night, relative to day. */
 const NIGHT_BRIGHTNESS = 0.55
 
+/** Where the LIDAR of a vehicle is. */
+type LidarScene = Pick<VehicleScene, 'lidar' | 'is_lidar_level'>
+
 export class ScanView {
   readonly group = new Group()
   private readonly points = new BufferGeometry()
@@ -123,7 +126,7 @@ export class ScanView {
   }
 
   /** Shows a scan from the poses of the vehicle during the scan; `mount` is the sensor pose in the vehicle frame. */
-  show(scan: LidarScan | null, vehicle: string, spec: VehicleScene, motion: MotionInterpolator): void {
+  show(scan: LidarScan | null, vehicle: string, spec: LidarScene, motion: MotionInterpolator): void {
     this.brightness.value = motion.state.isDay ? 1 : NIGHT_BRIGHTNESS
     this.group.visible = false
     if (!scan || !spec.lidar) return
