@@ -25,7 +25,7 @@ from autodrive.world.racing.results import RaceRecorder
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "racing"
 ANGLES = np.radians(np.linspace(-135.0, 135.0, 1080))
-TRACKS = ("fast", "practice", "technical")
+TRACKS = ("cdc_tf_2025", "fast", "practice", "technical")
 TICK = 0.025
 """Of `autodrive race` [s]."""
 SPACING = 8.0
@@ -61,10 +61,11 @@ def race(track: str, name: str, laps: int) -> None:
     while not recorder.is_over and world.time < 1000.0:
         recorder.publish(world.step({"V1": Command(*drive(world.frame.vehicles["V1"]))}))
     factor = world.time / (time.process_time() - start)
-    (one,) = recorder.standings()
+    (standing,) = recorder.standings()
+    *_, best, status = standing.row
     print(
-        f"{track:<10} {name:<15} {one.status}: {one.race_time:.2f} s, best lap {one.best_lap:.2f} s, "
-        f"{one.collisions} collisions; {factor:.0f} times real time"
+        f"{track:<11} {name:<14} {status}: {standing.race_time:.2f} s, best lap {best or '-'} s, "
+        f"{standing.collisions} collisions; {factor:.0f} times real time"
     )
 
 
