@@ -2,7 +2,7 @@
 
     uv run benchmarks/race.py [--laps N]
 
-CPU time of one core. The last row: eight cars with a scan of 1080 rays each, 40 times a second, without their drivers.
+CPU time of one core. The last row: eight cars with a scan of 1081 rays each, 40 times a second, without their drivers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from autodrive.world import World
 from autodrive.world.racing.results import RaceRecorder
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "racing"
-ANGLES = np.radians(np.linspace(-135.0, 135.0, 1080))
+ANGLES = np.radians(np.linspace(-135.0, 135.0, 1081))
 TRACKS = ("cdc_tf_2025", "fast", "practice", "technical")
 TICK = 0.025
 """Of `autodrive race` [s]."""

@@ -30,7 +30,7 @@ def draw(renderer: Renderer, state: RenderState, view: View, name: str) -> None:
 
 def main() -> None:
     """Render all images."""
-    for vehicle in ("nigel", "roboracer"):
+    for vehicle in ("nigel", "roboracer", "neoracer"):
         render_preview("vehicle", vehicle, HERE / f"{vehicle}.png")
     world = autodrive.make("two_cars")
     frames = {}

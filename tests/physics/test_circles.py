@@ -52,9 +52,9 @@ def full_lock_circle_at(vehicle: str, speed: float) -> float:
 
 
 def circles(vehicle: str) -> tuple[float, float]:
-    """Radius at full lock [m], slowly, and at 2 m/s or, if the vehicle is slower, with full throttle."""
+    """Radius at full lock [m], slowly, and at 2 m/s (neoracer: 1.5 m/s) or, if it is slower, with full throttle."""
     if top_tread_speed(vehicle) > 5.0:
-        return full_lock_circle_at(vehicle, 0.5), full_lock_circle_at(vehicle, 2.0)
+        return full_lock_circle_at(vehicle, 0.5), full_lock_circle_at(vehicle, 1.5 if vehicle == "neoracer" else 2.0)
     return full_lock_circle(vehicle, 0.1)[0], full_lock_circle(vehicle, 1.0)[0]
 
 

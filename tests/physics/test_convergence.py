@@ -20,7 +20,7 @@ from tests.support.tables import cells
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "vehicle.md"
 TABLE = cells(DOCUMENT.read_text(encoding="utf-8"), "| vehicle | longest stable substep |")
-RACE_CARS = ("roboracer", "roboracer_physical", "roboracer_f1tenth")
+RACE_CARS = ("roboracer", "roboracer_physical", "roboracer_f1tenth", "neoracer")
 FINE = 0.00003125
 EACH = pytest.mark.parametrize("vehicle", names("vehicle"))
 

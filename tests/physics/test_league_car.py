@@ -239,7 +239,7 @@ def test_a_pitched_lidar_that_is_level_measures_horizontal_distances(tmp_path: P
     world = autodrive.make(ScenarioSpec(map=map_file(tmp_path, walls=walls), vehicles={"V1": vehicle}))
     car = world.frame.vehicles["V1"]
     assert car.lidar is not None
-    pitch, yaw = math.atan2(0.010, 0.330), math.radians(40.1)
+    pitch, yaw = car.imu.euler[1], math.radians(40.1)
     ahead = 0.2733 * math.cos(pitch) + 0.096 * math.sin(pitch)
     x, y = 0.5 + ahead * math.cos(yaw), ahead * math.sin(yaw)
     bearings = yaw + np.radians(np.linspace(-135.0, 135.0, 1081))

@@ -911,6 +911,7 @@ export interface VehicleScene {
   is_traffic: boolean
   sensors: Record<string, SensorScene>
   missing_gravity: number
+  is_lidar_level: boolean
 }
 
 /**

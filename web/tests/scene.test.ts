@@ -1,4 +1,4 @@
-import { Matrix4, type Mesh, Quaternion, Vector3 } from 'three'
+import { Matrix4, type Mesh, type Points, Quaternion, Vector3 } from 'three'
 import { describe, expect, test } from 'vitest'
 
 import type { Frame, LidarScan } from '../src/messages'
@@ -227,7 +227,12 @@ describe('the colours of a scan', () => {
     const view = new ScanView(farthest)
     return scans.map((range) => {
       const scan = { time: 0.9, ranges: Float32Array.from([0.09, range]), angle_min: 0, angle_increment: 1 }
-      view.show({ ...scan, scan_time: 0.1, time_increment: 0 } as unknown as LidarScan, 'V1', pose(), motion)
+      view.show(
+        { ...scan, scan_time: 0.1, time_increment: 0 } as unknown as LidarScan,
+        'V1',
+        { lidar: pose(), is_lidar_level: false },
+        motion,
+      )
       return farthest.value
     })
   }
@@ -254,7 +259,7 @@ describe('the fan of a scan', () => {
     const view = new ScanView(new Observable(0))
     const scan = { time: 0.9, ranges: Float32Array.from(ranges), angle_min: 0, angle_increment: increment }
     const whole = { ...scan, scan_time: 0.1, time_increment: 0 } as unknown as LidarScan
-    view.show(whole, 'V1', pose(), motion)
+    view.show(whole, 'V1', { lidar: pose(), is_lidar_level: false }, motion)
     return (view.group.children[0] as Mesh).geometry.drawRange.count / 3
   }
 
@@ -267,6 +272,22 @@ describe('the fan of a scan', () => {
     expect(triangles([Infinity, 1, 1, 1], Math.PI / 2)).toBe(2)
     expect(triangles([1, 1, 1, 1], Math.PI / 4)).toBe(3)
   })
+})
+
+test('the points of a level scan are at the height of the LIDAR of a pitched car', () => {
+  const orientation = new Float64Array([Math.cos(0.1), 0, Math.sin(0.1), 0])
+  const pitched = { pose: { position: new Float64Array([0, 0, 0.1]), orientation } }
+  const motion = new MotionInterpolator()
+  for (const time of [0, 0.02, 0.04]) motion.add(at(time, 0, 0, pitched), time)
+  const scan = { time: 0.02, ranges: Float32Array.from([2]), angle_min: 0, angle_increment: 1, scan_time: 0.1 }
+  const [level, tilted] = [true, false].map((is_lidar_level) => {
+    const view = new ScanView(new Observable(0))
+    const spec = { lidar: pose(), is_lidar_level }
+    view.show({ ...scan, time_increment: 0 } as unknown as LidarScan, 'V1', spec, motion)
+    return (view.group.children[1] as Points).geometry.getAttribute('position').getZ(0)
+  })
+  expect(level).toBeCloseTo(0.1, 5)
+  expect(tilted).toBeCloseTo(0.1 - 2 * Math.sin(0.2), 5)
 })
 
 describe('the fly camera', () => {

@@ -132,7 +132,13 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   const vehicle = {
     ...{ type: 'nigel', model: 'scene/nigel.glb', half_length: 0.14, steering_limit: 0.5, lamps: {} },
     ...{ cameras: ['front', 'rear'], lidar: pose(), wheelbase: 0.14, wheel_radius: 0.03, speed_limit: 0.26 },
-    ...{ sensor_noise: {}, missing_gravity: 0, size: [0.28, 0.2, 0.2] as [number, number, number], is_traffic: false },
+    ...{
+      sensor_noise: {},
+      is_lidar_level: false,
+      missing_gravity: 0,
+      size: [0.28, 0.2, 0.2] as [number, number, number],
+      is_traffic: false,
+    },
     sensors: {
       lidar: {
         is_on: true,

@@ -106,17 +106,18 @@ def initial_telemetry(
     frame: Frame,
     *,
     settings: DevkitSettings | None = None,
-    lidar: LidarFormat = "text",
+    lidar: LidarFormat | None = "text",
     traffic_lights: Mapping[int, int] | None = None,
     images: Images | None = None,
     image_sizes: ImageSizes | None = None,
 ) -> dict[str, str]:
     """Telemetry message for a script of an unknown profile: the keys of all profiles at once.
 
-    No scan format suits all: a 2025 devkit raises on text; a 2023 devkit raises on gzip (NumPy 2) or reads wrong values
-    (NumPy 1). A script that cannot read `lidar` does not answer.
+    No scan format suits all: a 2025 devkit raises on text; a 2023 devkit raises on gzip (NumPy 2) or reads no values
+    (NumPy 1). A script that cannot read `lidar` does not answer. All read None, an empty scan.
     """
-    formats: tuple[tuple[str, DevkitKeys, LidarFormat], ...] = (("2025", "prefixed", lidar), ("2020", "plain", "text"))
+    formats: tuple[tuple[str, DevkitKeys, LidarFormat | None], ...]
+    formats = ("2025", "prefixed", lidar), ("2020", "plain", "text")
     data: dict[str, str] = {}
     for year, keys, lidar_format in formats:
         profile = (settings or DevkitSettings()).applied_to(PROFILES[year])
@@ -210,6 +211,8 @@ def _full_turn(angle: float, decimals: int) -> float:
 
 def _scan_text(scan: LidarScan, values: Array, profile: Profile) -> str:
     """One value per ray, 'inf' without a return. A full-circle scan starts straight ahead and turns left."""
+    if profile.lidar is None:
+        return ""
     is_circle = abs(len(values) * scan.angle_increment - 2.0 * math.pi) < 0.5 * scan.angle_increment
     ahead = round(-scan.angle_min / scan.angle_increment) if is_circle else 0
     texts = [f"{value:.7g}" if math.isfinite(value) else "inf" for value in np.roll(values, -ahead).tolist()]

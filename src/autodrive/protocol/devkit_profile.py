@@ -32,8 +32,8 @@ class Profile:
     """Whether keys have a vehicle prefix ('V1 Throttle') and traffic lights exist; otherwise a single vehicle."""
     decimals: int
     """Digits after the decimal point."""
-    lidar: LidarFormat
-    """Format of scans."""
+    lidar: LidarFormat | None
+    """Format of scans; None: an empty text."""
     has_speed: bool
     """Whether telemetry has a 'Speed' key."""
     steering: Side
@@ -75,6 +75,14 @@ class Profile:
 
 _SIGN: dict[Side, float] = {"left": 1.0, "right": -1.0}
 
+# the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
+_LEAGUE = Profile(
+    *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
+    velocity_at=(0.15532, 0.00008, 0.01434),  # the centre of mass: IMU.cs reads the rigid body
+    has_race=True,
+    has_common_reset=True,
+    cameras=("front",),
+)
 PROFILES = {
     profile.name: profile
     for profile in (
@@ -85,14 +93,9 @@ PROFILES = {
         # simulator of that year took right-positive commands, and scripts written for it need `steering` "right"
         Profile("2023", "prefixed", 3, "text", False, "left", "left"),
         Profile("2025", "prefixed", 4, "gzip", True, "left", "left", has_common_reset=True),
-        # the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
-        Profile(
-            *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
-            velocity_at=(0.15532, 0.00008, 0.01434),  # the centre of mass: IMU.cs reads the rigid body
-            has_race=True,
-            has_common_reset=True,
-            cameras=("front",),
-        ),
+        _LEAGUE,
+        # the devkit of the NeoRacer, 2026: the same messages, of another car
+        replace(_LEAGUE, name="neoracer", velocity_at=(0.13, 0.0, 0.04)),
     )
 }
 

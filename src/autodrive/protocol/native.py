@@ -279,6 +279,8 @@ class VehicleScene(msgspec.Struct, frozen=True):
     """Sensors and cameras, also those that are off, by name."""
     missing_gravity: float = 9.81
     """Acceleration upward that the IMU leaves out [m/s^2]; 0: it measures the specific force, as an accelerometer."""
+    is_lidar_level: bool = False
+    """Whether the rays of the LIDAR stay horizontal and follow only its heading."""
 
 
 class Plan(msgspec.Struct, frozen=True):

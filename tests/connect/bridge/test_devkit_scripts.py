@@ -26,7 +26,8 @@ from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.kinds import find
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
-from tests.connect.bridge.conftest import ROOT, Resets, python_of, script
+from tests.connect.bridge.conftest import ROOT, Resets, peer, python_of, script
+from tests.connect.bridge.servers.matlab_toolbox import MatlabToolbox
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.lockstep import answered_ticks
 from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
@@ -35,6 +36,8 @@ FOLLOW_LOOP = ROOT / "examples" / "devkit" / "follow_loop.py"
 FOLLOW_LANE = ROOT / "examples" / "devkit" / "follow_lane.py"
 SLOW = Path(__file__).parent / "servers" / "slow.py"
 LEAGUE = Path(__file__).parent / "servers" / "league.py"
+AALTO = Path(__file__).parent / "servers" / "aalto.py"
+NEORACER = Path(__file__).parent / "servers" / "neoracer.py"
 READ_TELEMETRY = Path(__file__).parent / "servers" / "read_telemetry.py"
 SMALL_IMAGES = {("V1", side): (64, 48) for side in ("front", "rear")}
 """Eventlet unmasks messages byte by byte in Python, and the script decodes them."""
@@ -229,13 +232,101 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
             process.kill()
     first, *others = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("]")]
     assert (counters.profile, counters.refused_values) == ("roboracer", 0)
-    assert [car["ranges"] for car in first] == [1080, 1080]
+    assert [car["ranges"] for car in first] == [1081, 1081]
     assert [car["image"] for car in first] == [[36, 64, 3]] * 2
     assert drive.count == 1
     red, green = others[-1]
     assert (red["throttle"], green["throttle"]) == (0.1, 0.2)
     assert 0.0 < red["linear_velocity"][0] < green["linear_velocity"][0]
-    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=1e-4)
+    # the speed is that of the rear axle, the velocity that of the centre of mass, which pitching moves
+    assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=2e-3)
+
+
+@pytest.mark.parametrize(("stack", "rays"), [("legacy", [360, 360]), ("newest", [0, 360])])
+@pytest.mark.toolchain
+def test_a_script_that_reads_gzip_only_drives_nigel_from_the_first_message_on(
+    simulation: Simulation, stack: str, rays: list[int], tmp_path: Path
+) -> None:
+    """The bridge node of Aalto University: an exception ends it, and so does a message that is sent again."""
+    port, lines = free_port(), tmp_path / "lines"
+    command = [python_of(stack), AALTO, "--port", str(port)]
+    with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT) as process:
+        try:
+            wait_until(lambda: is_listening(port) or process.poll() is not None)
+            bridge = DevkitBridge(simulation, port=port, image_sizes=lambda: SMALL_IMAGES, resend_delay=2 * LIMIT)
+            with bridge:
+                wait_until(lambda: process.poll() is not None or bridge.counters.commands_received > 20)
+                counters = bridge.counters
+            assert process.poll() is None, lines.read_text()
+        finally:
+            process.kill()
+    assert (counters.dialect, counters.profile, counters.resends) == (STACKS[stack], "2025", 0)
+    received = [int(line) for line in lines.read_text().splitlines() if line.isdigit()]  # not the warnings of libraries
+    assert received[:2] == rays
+    assert set(received[1:]) == {360}
+
+
+@pytest.mark.toolchain
+def test_the_bridge_of_the_neoracer_drives_it_at_the_commanded_speed(tmp_path: Path) -> None:
+    """In a circle to the left. With throttle 1, which it takes for 6 m/s, the treads do 36.1 / 0.25 x 0.0425 m/s."""
+    places = {"V1": VehiclePlacement(type="neoracer", is_autonomous=True)}
+    simulation = Simulation(autodrive.make(ScenarioSpec(vehicles=places, tick=0.025)))
+    spec = simulation.world.vehicle_specs["V1"]
+    sizes = {("V1", name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
+    port, lines = free_port(), tmp_path / "lines"
+    command = [python_of("legacy"), NEORACER, "--port", str(port), "--speed", "2"]
+    with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT) as process:
+        try:
+            wait_until(lambda: is_listening(port) or process.poll() is not None)
+            bridge = DevkitBridge(
+                simulation,
+                port=port,
+                image_sizes=lambda: sizes,
+                vehicle_profile=lambda: spec.devkit_profile,
+                resend_delay=2 * LIMIT,
+            )
+            with simulation, bridge:
+                wait_until(lambda: process.poll() is not None or simulation.frame.time > 3.0)
+                counters = bridge.counters
+            assert process.poll() is None, lines.read_text()
+        finally:
+            process.kill()
+    first, *_, last = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("}")]
+    assert (counters.profile, counters.refused_values) == ("neoracer", 0)
+    assert (first["rays"], first["image"]) == (1081, [640, 480])
+    treads = 36.1 / 0.25 * 0.0425
+    speed = math.hypot(*last["Linear Velocity"][:2])
+    assert speed == pytest.approx(2.0 * 1.5 * treads / (6.0 + 0.5 * treads), rel=0.03)  # 3 %: the slip of the tyres
+    assert last["Angular Velocity"][2] == pytest.approx(speed * math.tan(math.radians(6.0)) / 0.285, rel=0.1)
+    assert last["Linear Velocity"][1] > 0.05  # of the centre of mass, ahead of the rear axle
+
+
+def test_the_matlab_toolbox_drives_the_car_of_the_league() -> None:
+    """With images of the camera of the car, and without an option."""
+    places = {"V1": VehiclePlacement(type="roboracer", is_autonomous=True)}
+    world = autodrive.make(ScenarioSpec(vehicles=places, tick=0.025), cameras="software")
+    camera = world.vehicle_specs["V1"].cameras["front"]
+    toolbox = MatlabToolbox()
+    simulation = Simulation(world)
+    with (
+        peer(toolbox) as port,
+        simulation,
+        DevkitBridge(
+            simulation,
+            port=port,
+            images=partial(images_of, encoder=JpegEncoder()),
+            image_sizes=lambda: {("V1", "front"): (camera.width, camera.height)},
+            vehicle_profile=lambda: world.vehicle_specs["V1"].devkit_profile,
+        ) as bridge,
+    ):
+        wait_until(lambda: toolbox.errors or simulation.frame.vehicles["V1"].speed > 0.5)
+        counters = bridge.counters
+        steering = simulation.frame.vehicles["V1"].steering
+    assert not toolbox.errors
+    assert (counters.dialect, counters.profile, counters.bad_packets) == (Dialect.RAW, "roboracer", 0)
+    assert steering > 0.0
+    assert toolbox.readings[-1].numbers["Speed"] > 0.0
+    assert toolbox.readings[-1].picture.std() > 1.0  # not the black image of a camera without one
 
 
 # -- the parsers of the devkits ----------------------------------------------------------------------------------
@@ -263,7 +354,7 @@ def test_scripts_of_all_years_read_their_telemetry(stack: str) -> None:
         assert data["Throttle"] == 0.5
         assert data["Orientation Quaternion"] == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], abs=5e-4)
         assert data["Front Camera Image"] == [[720, 1280, 3], 0, 0], year
-        assert data.get("Rear Camera Image") == (None if year == "roboracer" else data["Front Camera Image"])
+        assert data.get("Rear Camera Image") == (None if PROFILES[year].has_race else data["Front Camera Image"])
 
 
 @pytest.mark.parametrize("stack", STACKS)

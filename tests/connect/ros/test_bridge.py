@@ -19,12 +19,12 @@ from autodrive import AutodriveError, Command, Simulation
 from autodrive.base.transforms import rotate
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message
-from autodrive.connect.ros.cars import NIGEL as NIGEL_FIGURES
-from autodrive.connect.ros.cars import ROBORACER, Car
+from autodrive.connect.ros.cars import CARS, Car
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
+from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
 from autodrive.protocol.messages import (
     Frame,
@@ -562,7 +562,7 @@ def test_malformed_messages_are_answered_and_the_next_one_is_published(malformed
     assert vehicle.throttle == 0.5
 
 
-@pytest.mark.parametrize("car", [NIGEL_FIGURES, ROBORACER], ids=lambda car: car.name)
+@pytest.mark.parametrize("car", CARS.values(), ids=list(CARS))
 def test_figures_of_the_cars_are_those_of_their_files(car: Car) -> None:
     """`autodrive.connect.ros.cars` repeats them for installations without the simulator."""
     spec = load_vehicle(car.name)
@@ -570,7 +570,7 @@ def test_figures_of_the_cars_are_those_of_their_files(car: Car) -> None:
     assert lidar is not None
     assert spec.wheelbase == car.wheelbase
     assert spec.wheels.radius == car.wheel_radius
-    assert spec.drivetrain.speed_limit * spec.wheels.radius == pytest.approx(car.speed_limit, abs=1e-3)
+    assert spec.full_throttle_speed == pytest.approx(car.speed_limit, abs=1e-3)
     assert spec.steering.limit == pytest.approx(car.steering_limit, abs=1e-5)
     assert tuple(spec.cameras) == car.cameras
     assert (lidar.range_min, lidar.range_max, lidar.rate) == (
@@ -578,10 +578,41 @@ def test_figures_of_the_cars_are_those_of_their_files(car: Car) -> None:
         car.lidar_range_max,
         car.lidar_rate,
     )
-    assert math.degrees(lidar.rays * lidar.angle_increment) == pytest.approx(car.lidar_field_of_view)
+    assert (lidar.rays, lidar.angle_min_deg) == (car.lidar_rays, car.lidar_angle_min)
+    intervals = lidar.rays - lidar.rays % 2  # an odd number of rays has both ends of the field of view
+    assert math.degrees(intervals * lidar.angle_increment) == pytest.approx(car.lidar_field_of_view)
     for camera in spec.cameras.values():
-        angle = 2.0 * math.atan(0.5 * camera.intrinsics.height / camera.intrinsics.fy)
-        assert math.degrees(angle) == pytest.approx(car.vertical_field_of_view, abs=1e-2)
+        lens = camera.intrinsics
+        assert (lens.width, lens.height) == car.image_size
+        assert (lens.fx, lens.fy) == pytest.approx((car.focal_length, car.focal_length), abs=5e-3)
+
+
+GATE = 3.04 / 3.68
+"""Focal length per width of the sensor, and so per width of the image: the published cameras fit horizontally."""
+
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "size", "focal_lengths"),
+    [
+        ("", (1280, 720), (GATE * 1280, GATE * 1280)),  # of the simulator of 2023 to 2025
+        ("nigel_2023", (1280, 720), (GATE * 1280, GATE * 1280)),
+        ("", (640, 480), (240.0 / math.tan(math.radians(41.669 / 2)),) * 2),  # of the report of 2020
+        ("nigel_2023", (640, 480), (240.0 / math.tan(math.radians(41.669 / 2)),) * 2),
+        ("roboracer", (192, 108), (GATE * 192, GATE * 192)),
+        ("roboracer", (96, 96), (GATE * 96, GATE * 192 * 96 / 108)),  # stretched, by --image-size
+        ("roboracer", (640, 360), (180.0 / math.tan(math.radians(48.83 / 2)),) * 2),  # roboracer_physical
+    ],
+)
+def test_in_devkit_mode_the_lens_is_that_of_the_published_car(
+    vehicle_type: str, size: tuple[int, int], focal_lengths: tuple[float, float]
+) -> None:
+    listener = Listening()
+    config = Config(mode="devkit", vehicle_type=vehicle_type)
+    source = DevkitSource(config, lambda: 1.0, lambda: {"V1": Command()}, sleep=lambda _: None)
+    source.respond({"V1 Position": "0 0 0", "V1 Front Camera Image": black_image(*size)}, listener)
+    lens = listener.updates[-1].pictures["V1", "front"].intrinsics
+    assert (lens.width, lens.height) == size
+    assert (lens.fx, lens.fy) == pytest.approx(focal_lengths, abs=5e-3)
 
 
 def test_in_devkit_mode_requests_raise() -> None:

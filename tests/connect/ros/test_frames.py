@@ -106,10 +106,11 @@ def test_each_vehicle_of_a_mixed_scenario_has_the_frames_and_the_description_of_
         assert at_their_mounts(node, number, find("vehicle", car)), car
         robot = ElementTree.fromstring(node.last(f"autodrive/{car.split('_')[0]}_{number}/robot_description")["data"])
         assert robot.attrib["name"] == car
-        wheelbase = yaml.safe_load(find("vehicle", car).read_text())["wheelbase"]
+        tree_of_file = yaml.safe_load(find("vehicle", car).read_text())
+        axle = tree_of_file.get("axles", {}).get("front", {}).get("x", tree_of_file["wheelbase"])
         origin = robot.find("joint[@name='front_left_steering_joint']/origin")
         assert origin is not None
-        assert float(origin.attrib["xyz"].split()[0]) == wheelbase
+        assert float(origin.attrib["xyz"].split()[0]) == axle
         for mesh in robot.iterfind("link/visual/geometry/mesh"):
             path = mesh.attrib["filename"].removeprefix("package://autodrive_description/")
             assert (ROOT / "ros" / "autodrive_description" / path).is_file()

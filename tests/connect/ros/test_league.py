@@ -130,14 +130,16 @@ def check(frame: Frame, node: Recorder, tolerance: float) -> None:
     odom, scan = node.last(f"{CAR}/odom"), node.last(f"{CAR}/lidar")
     assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("world", "roboracer_1")
     assert vector(odom["pose"]["pose"]["position"]) == pytest.approx(car.ips.position, abs=tolerance)
-    assert vector(odom["twist"]["twist"]["linear"]) == pytest.approx(car.velocity, abs=tolerance)
+    centre_of_mass = 0.15532, 0.00008, 0.01434  # the league's program sends its velocity
+    velocity = car.velocity + np.cross(car.angular_velocity, centre_of_mass)
+    assert vector(odom["twist"]["twist"]["linear"]) == pytest.approx(velocity, abs=tolerance)
     assert odom["twist"]["twist"]["linear"]["x"] > 0.1
     assert vector(node.last(f"{CAR}/ips")) == pytest.approx(car.ips.position, abs=tolerance)
     names = ("lidar", "imu", "left_encoder", "right_encoder")
     assert [node.last(f"{CAR}/{name}")["header"]["frame_id"] for name in names] == [*names]
     assert node.last(f"{CAR}/right_encoder")["name"] == ["right_encoder"]
     assert (scan["angle_min"], scan["angle_increment"]) == pytest.approx((-2.35619449, 0.00436332), abs=1e-8)
-    assert (scan["range_min"], scan["range_max"], len(scan["ranges"])) == (0.06, 10.0, 1080)
+    assert (scan["range_min"], scan["range_max"], len(scan["ranges"])) == (0.06, 10.0, 1081)
     assert np.isfinite(scan["ranges"]).sum() > 10, "the box"
     assert node.last(f"{CAR}/collision_count")["data"] == node.last(f"{CAR}/lap_count")["data"] == 0
     truth = matrix(car.ips.position, np.roll(car.imu.orientation, -1))

@@ -100,7 +100,7 @@ def test_the_node_has_the_interface_of_the_league(
         wait_until(lambda: ros.latest(f"/{CAR}/odom")["message"]["twist"]["twist"]["linear"]["x"] > 0.5)
         odom = ros.latest(f"/{CAR}/odom")["message"]
         assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("world", "roboracer_1")
-        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1080
+        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1081
         assert ros.latest(f"/{CAR}/lap_count")["message"] == {"data": 0}
         assert ros.latest("/autodrive/roboracer_2/ips")["message"]["y"] == pytest.approx(2.0, abs=1e-3)
         ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
@@ -149,7 +149,7 @@ def test_a_team_races_with_its_ros_2_nodes(ros2_environment: dict[str, str], fol
         seen: list[Frame] = []
         running = pool.submit(race, options, observer=Watcher(seen))
         ros.subscribe(f"/{CAR}/lidar", "sensor_msgs/LaserScan", "RELIABLE")
-        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1080
+        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1081
         names = {name for name in ros.topics() if ros.publishers(name) and name.startswith(f"/{CAR}/")}
         (standing,) = running.result(LIMIT).standings
         ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)

@@ -46,7 +46,7 @@ def action_for(observation: np.ndarray, top_speed: float = 2.5) -> np.ndarray:
     gap = math.radians(BEARINGS[free >= free.max() - 0.3].mean())
     speed = min(0.6 + 0.6 * ranges[np.abs(BEARINGS) < 8].min(), top_speed)
     steering = (0.9 * gap + 0.25 * (left - right)) / 0.5236
-    return np.array([speed / 22.88, min(max(steering, -1.0), 1.0)], np.float32)
+    return np.array([speed / 25.252, min(max(steering, -1.0), 1.0)], np.float32)
 
 
 @pytest.mark.slow

@@ -333,7 +333,7 @@ def test_the_beginning_of_a_pace_counts_as_much_as_a_part_of_a_drive() -> None:
     assert weight.mean() * steps == pytest.approx(1.0, rel=1e-3)  # float32; the beginning has the weight 1
     expected = np.array(jax.vmap(network)(jax.numpy.asarray(felt[0] * example["SCALE"], jax.numpy.float32)))[:, 0]
     assert value[:4] / weight[:4] == pytest.approx(expected, abs=1e-4)
-    assert pace.top_throttle * 22.88 == pytest.approx(7.0)
+    assert pace.top_throttle * 25.252 == pytest.approx(7.0)
 
 
 @pytest.mark.slow
@@ -348,7 +348,7 @@ def test_a_policy_gets_a_pace_and_drives_with_it(tmp_path: Path, monkeypatch: py
     policy = Policy.load(file)
     assert policy.pace is not None
     assert policy.training["pace"]["minutes"] == 0.05
-    assert policy.pace.top_throttle == pytest.approx(7.0 / 22.88)
+    assert policy.pace.top_throttle == pytest.approx(7.0 / 25.252)
     before = Policy.find("race")
     assert all(np.array_equal(*pair) for pair in zip(before.layers[0], policy.layers[0], strict=True))
     assert drive_laps(policy, "practice", 1, limit=2.0).status

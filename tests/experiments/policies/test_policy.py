@@ -389,7 +389,7 @@ def test_what_a_racer_cannot_read_is_refused() -> None:
         PolicyRacer(random_policy(inputs=("offset",)))
     with pytest.raises(AutodriveError, match=r"reads speed, which no script can read in a race; .* wheel_speed"):
         PolicyRacer(random_policy(inputs=("speed",)))
-    with pytest.raises(AutodriveError, match="a scan of 1080 rays, not of 361"):
+    with pytest.raises(AutodriveError, match="a scan of 1080 or 1081 rays, not of 361"):
         sectors(np.ones(361))
 
 

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 Floats = NDArray[np.float64]
 NIGEL = load_vehicle("nigel")
-RACERS = ("roboracer", "roboracer_f1tenth")
+RACERS = ("roboracer", "roboracer_f1tenth", "neoracer")
 
 
 @cache

@@ -32,7 +32,7 @@ Driver = Callable[[VehicleFrame], tuple[float, float]]
 
 def follow_the_gap(race: Race) -> Driver:
     command = runpy.run_path(str(EXAMPLES / "follow_the_gap.py"))["command"]
-    angles = np.radians(np.linspace(-135.0, 135.0, 1080))
+    angles = np.radians(np.linspace(-135.0, 135.0, 1081))
 
     def drive(car: VehicleFrame) -> tuple[float, float]:
         assert car.lidar is not None

@@ -13,7 +13,7 @@ import {
   Vector3,
 } from 'three'
 
-import type { LidarScan, Pose } from '../messages'
+import type { LidarScan, Pose, VehicleScene } from '../messages'
 import type { Observable } from '../observable'
 import { niceStep } from '../panels/scales'
 import { type MotionInterpolator, type PlacedObject, quaternion } from './motion'
@@ -79,6 +79,9 @@ void main() {
 /** Brightness at night, relative to day. */
 const NIGHT_BRIGHTNESS = 0.55
 
+/** Where the LIDAR of a vehicle is. */
+type LidarScene = Pick<VehicleScene, 'lidar' | 'is_lidar_level'>
+
 export class ScanView {
   readonly group = new Group()
   private readonly points = new BufferGeometry()
@@ -123,17 +126,17 @@ export class ScanView {
   }
 
   /** Shows a scan from the poses of the vehicle during the scan; `mount` is the sensor pose in the vehicle frame. */
-  show(scan: LidarScan | null, vehicle: string, mount: Pose | null, motion: MotionInterpolator): void {
+  show(scan: LidarScan | null, vehicle: string, spec: LidarScene, motion: MotionInterpolator): void {
     this.brightness.value = motion.state.isDay ? 1 : NIGHT_BRIGHTNESS
     this.group.visible = false
-    if (!scan || !mount) return
+    if (!scan || !spec.lidar) return
     this.group.visible = true
     if (scan === this.shown) return
     const begin = motion.poseAt(vehicle, scan.time - scan.scan_time * (scan.time_increment > 0 ? 1 : 0), first)
     const end = motion.poseAt(vehicle, scan.time, last)
     if (!begin || !end) return
     this.shown = scan
-    this.update(scan, mount, begin, end)
+    this.update(scan, spec.lidar, spec.is_lidar_level, begin, end)
   }
 
   /** Removes the scan. */
@@ -142,7 +145,7 @@ export class ScanView {
     this.group.visible = false
   }
 
-  private update(scan: LidarScan, mount: Pose, begin: PlacedObject, end: PlacedObject): void {
+  private update(scan: LidarScan, mount: Pose, isLevel: boolean, begin: PlacedObject, end: PlacedObject): void {
     const n = scan.ranges.length
     const points = attribute(this.points, n)
     const ranges = attribute(this.points, n, 'range', 1)
@@ -164,8 +167,13 @@ export class ScanView {
         isOpen = false
         continue
       }
-      hit.set(range * Math.cos(angle), range * Math.sin(angle), 0).applyQuaternion(turn)
-      hit.applyQuaternion(pose.orientation).add(center)
+      hit.set(Math.cos(angle), Math.sin(angle), 0).applyQuaternion(turn).applyQuaternion(pose.orientation)
+      if (isLevel) {
+        ahead.set(1, 0, 0).applyQuaternion(turn).applyQuaternion(pose.orientation)
+        const heading = Math.atan2(ahead.y, ahead.x) + angle
+        hit.set(Math.cos(heading), Math.sin(heading), 0)
+      }
+      hit.multiplyScalar(range).add(center)
       if (isOpen) {
         fan.setXYZ(corners++, center.x, center.y, center.z)
         fan.setXYZ(corners++, points.getX(hits - 1), points.getY(hits - 1), points.getZ(hits - 1))
@@ -218,3 +226,4 @@ const pose: PlacedObject = { position: new Vector3(), orientation: new Quaternio
 const turn = new Quaternion()
 const center = new Vector3()
 const hit = new Vector3()
+const ahead = new Vector3()

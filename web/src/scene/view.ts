@@ -474,7 +474,7 @@ class View implements SceneView {
     for (const [i, one] of [viewpoints.camera.matrixWorld, viewpoints.camera.projectionMatrix].entries())
       this.drawnFrom[i].copy(one)
     const scan = store.isScanShown.value ? (store.scans.get(followed) ?? null) : null
-    this.scan.show(scan, followed, spec.lidar, motion)
+    this.scan.show(scan, followed, spec, motion)
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
     this.drawingView.update(store)
     this.overlayView.update(store, state, vehicle, viewpoints.camera)

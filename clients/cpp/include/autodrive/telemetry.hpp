@@ -35,7 +35,7 @@ struct State {
     Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();       ///< in vehicle axes [rad/s]
     Eigen::Vector3d linear_acceleration = Eigen::Vector3d::Zero();    ///< in vehicle axes [m/s^2]
     double lidar_scan_rate = std::numeric_limits<double>::quiet_NaN();  ///< [Hz]
-    std::vector<double> lidar_ranges;  ///< one ray each degree, the first straight ahead, the next ones to the left [m]; inf: no echo
+    std::vector<double> lidar_ranges;  ///< one ray each degree, the first straight ahead, the next ones to the left [m]; inf: no echo; empty before the first scan
     std::vector<double> lidar_intensities;        ///< one for each range
     std::vector<std::uint8_t> front_camera_jpeg;  ///< JPEG data, not decoded
     std::vector<std::uint8_t> rear_camera_jpeg;   ///< JPEG data, not decoded

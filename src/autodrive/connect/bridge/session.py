@@ -150,10 +150,11 @@ class Session:
             self._simulation.renew(vehicle, command)
 
     async def close(self) -> None:
-        """Send the close packets if the server still reads, and close the socket."""
+        """Send the close packets if the server still reads and is not raw, and close the socket."""
+        packets = () if self.engineio.dialect is Dialect.RAW else CLOSE_PACKETS  # a raw server parses all as events
         with contextlib.suppress(TimeoutError, WebSocketException):
             async with asyncio.timeout(CLOSE_TIMEOUT):
-                for packet in CLOSE_PACKETS:
+                for packet in packets:
                     await self._socket.send(packet)
         await self._socket.close()
 
@@ -246,8 +247,8 @@ class Session:
         if self.flow_control.resends:
             self._metrics.warn(
                 "silence",
-                "the script sends no commands; telemetry is resent (if the script raises an exception: set its devkit "
-                "profile)",
+                "the script sends no commands; telemetry is resent, also with scans in another format (if the script "
+                f"raises an exception: choose its devkit with --devkit-profile, one of {', '.join(PROFILES)})",
             )
         text = self._telemetry_packet(frame, number)
         if text is None:
@@ -297,7 +298,7 @@ class Session:
     def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
         """Telemetry for the profile of the script; for all profiles while it is unknown, or if it is probably wrong."""
         detection, flow = self._detection, self.flow_control
-        lidar = detection.lidar(flow.late_resends)
+        lidar = detection.lidar(flow)
         profile = detection.profile
         is_uncertain = detection.fixed is None and flow.resends > 1
         contents: dict[str, Any] = {

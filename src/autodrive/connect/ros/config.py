@@ -10,7 +10,7 @@ from typing import Literal
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.tcp import address_text, without_brackets
-from autodrive.connect.ros.cars import CARS, NIGEL, ROBORACER, Car
+from autodrive.connect.ros.cars import CARS, NIGEL, Car
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, Side
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
@@ -31,8 +31,8 @@ class Config:
     token: str = ""
     """Access token that the simulator prints in its link, if it needs one; direct mode."""
     profile: str = "2025"
-    """Devkit profile, which sets names and signs: '2020', '2022', '2023', '2025'; 'roboracer' for the topics, frames
-    and QoS of the RoboRacer league."""
+    """Devkit profile, which sets names and signs: '2020', '2022', '2023', '2025', 'neoracer'; 'roboracer' for the
+    topics, frames and QoS of the RoboRacer league."""
     race: bool = False
     """Whether the topics are left out that the league allows in training only; profile 'roboracer'."""
     steering: Side | Literal[""] = ""
@@ -41,8 +41,9 @@ class Config:
     """Direction of a positive steering feedback, 'left' or 'right'; '': that of the profile."""
     vehicle_type: str = ""
     """First part of the vehicle names since 2023, until a simulator is connected; '': 'nigel'. In the profile
-    'roboracer' it is always the first part; '': 'roboracer'. In devkit mode, whose protocol does not have them, 'nigel'
-    and 'roboracer' also select the car whose frames, LIDAR and limits the bridge uses."""
+    'roboracer' it is always the first part; '': 'roboracer'. In devkit mode, whose protocol does not have them, it also
+    selects the car whose frames, LIDAR, cameras and limits the bridge uses: 'nigel', 'nigel_2023', 'roboracer',
+    'roboracer_physical', 'roboracer_f1tenth' or 'neoracer'."""
     rate: float = 30.0
     """Maximum rate of states in wall time [Hz]. Scans and images are published when they are new. In devkit mode, all
     messages have this rate, and commands are sent with the answers."""
@@ -109,7 +110,8 @@ class Config:
     @property
     def car(self) -> Car:
         """Figures of the vehicles where the simulator does not send them."""
-        return CARS.get(self.vehicle_type.partition("_")[0], ROBORACER if self.is_league else NIGEL)
+        names = self.vehicle_type, self.vehicle_type.partition("_")[0], self.profile
+        return next((CARS[name] for name in names if name in CARS), NIGEL)
 
     def vehicle_name(self, number: int, type_: str = "") -> str:
         """Name of a vehicle in topics and frames, from its number (from 1) and type."""

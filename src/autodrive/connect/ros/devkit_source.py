@@ -162,7 +162,7 @@ class DevkitSource:
             if not self._config.is_league:
                 values["Headlights"] = str(int(command.headlights or 0))
                 values["Indicators"] = str(int(command.indicators or 0))
-            if devkit.name in ("2025", "roboracer"):
+            if devkit.has_common_reset:  # the devkits since late 2024
                 values["Reset"] = str(name in self.resets)
             answer |= {f"{vehicle.prefix} {key}".lstrip(): text for key, text in values.items()}
             vehicle.command = command
@@ -289,7 +289,7 @@ class _DevkitVehicle:
         if self._is_checked or abs(count - car.lidar_rays) <= 1:
             return ""
         self._is_checked = True
-        known = " or ".join(f"'{other.name}'" for other in CARS.values())
+        known = " or ".join(f"'{family}'" for family in sorted({other.family for other in CARS.values()}))
         return (
             f"{name} has a LIDAR with {count} rays, but a {car.name} has a LIDAR with {car.lidar_rays} rays: {name} is "
             f"not a {car.name}. The devkit protocol does not state the type of {name}, so that frames, angles of the "
@@ -327,6 +327,12 @@ def _vector(values: np.ndarray | None, default: tuple[float, ...]) -> np.ndarray
 
 
 def _pinhole(jpeg: bytes, car: Car) -> CameraIntrinsics:
+    """The lens of the car, or of that car of its family whose images have this size.
+
+    An image of another size is a stretched image of the car.
+    """
     height, width = map(int, simplejpeg.decode_jpeg_header(jpeg)[:2])
-    focal = 0.5 * height / math.tan(math.radians(0.5 * car.vertical_field_of_view))
-    return CameraIntrinsics(width, height, focal, focal, 0.5 * width, 0.5 * height)
+    family = (other for other in (car, *CARS.values()) if other.family == car.family)
+    seen = next((other for other in family if other.image_size == (width, height)), car)
+    fx, fy = (seen.focal_length * size / own for size, own in zip((width, height), seen.image_size, strict=True))
+    return CameraIntrinsics(width, height, fx, fy, 0.5 * width, 0.5 * height)

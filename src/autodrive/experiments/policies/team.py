@@ -116,7 +116,7 @@ def program(file: Path) -> Act:
     command = runpy.run_path(str(file)).get("command") if file.is_file() else None
     if not callable(command):
         raise SpecError([f"{file} does not exist, or has no function command(ranges, angles)"])
-    angles = np.radians(np.linspace(-135.0, 135.0, 1080))
+    angles = np.radians(np.linspace(-135.0, 135.0, 1081))
     return lambda _, cars: np.array([command(ranges, angles) for ranges in cars.lidar_ranges])
 
 

@@ -67,7 +67,7 @@ def scene_of(world: Drawable) -> RenderScene:
 
     def car(number: int, spec: VehicleSpec) -> Asset:
         asset = shared("vehicle", spec)
-        return painted(asset, number) if spec.look == "racer" and len(world.vehicles) > 1 else asset
+        return painted(asset, number) if spec.is_race_car and len(world.vehicles) > 1 else asset
 
     return RenderScene(
         static=shared("map", world.map),

@@ -39,7 +39,7 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
         "body", surfaces={**surfaces_by_detail(lambda builder: _add_body(builder, spec)), "shadow": _shadow(spec)}
     )
     if spec.sensors.lidar is not None:
-        head = add_racer_lidar_window if spec.look == "racer" else add_lidar_head
+        head = add_racer_lidar_window if spec.is_race_car else add_lidar_head
         yield AssetNode("lidar_head", "body", spec.sensors.lidar.mount.position, surfaces=surfaces_by_detail(head))
     wheels = {outside: _wheel(spec, outside) for outside in (1.0, -1.0)}
     for name, hub in zip(WHEEL_NAMES, spec.hubs, strict=True):
@@ -60,7 +60,7 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
 def _add_body(builder: MeshBuilder, spec: VehicleSpec) -> None:
     for bumper in spec.bumpers:
         builder.add("matt_black", box(bumper.size, bumper.position))
-    if spec.look == "racer":
+    if spec.is_race_car:
         add_racer(builder, spec)
         return
     add_platforms(builder, spec)
@@ -91,7 +91,7 @@ def _shadow(spec: VehicleSpec) -> tuple[MeshSurface, ...]:
 
 def _wheel(spec: VehicleSpec, outside: float) -> dict[Detail, tuple[MeshSurface, ...]]:
     radius, width = spec.wheels.radius, spec.wheels.width
-    rim = "racer_rim" if spec.look == "racer" else "rim"
+    rim = "racer_rim" if spec.is_race_car else "rim"
     details = surfaces_by_detail(lambda builder: add_wheel(builder, radius, width, outside, rim))
     proxy = surface([cylinder(radius, width, axis="y", n=18)], VEHICLE_MATERIALS["rubber"], Label.VEHICLE)
     return {**details, "shadow": (proxy,)}

@@ -1,6 +1,7 @@
-"""The body of a 1:10 race car: chassis with suspension, motor and battery, a deck with computer, LIDAR and camera mast.
+"""The body of a small race car: chassis with suspension, motor and battery below a deck or an enclosure.
 
-Our own geometry. Its places follow the Spec: `platforms` are the chassis and the deck above the wheels.
+The deck has computer, LIDAR and camera mast; the enclosure has the LIDAR on its roof and the camera in its face.
+Our own geometry. Its places follow the Spec: `platforms` are the chassis, and the deck or the enclosure.
 """
 
 from __future__ import annotations
@@ -31,10 +32,14 @@ def add_racer(builder: MeshBuilder, spec: VehicleSpec) -> None:
     _add_drive(builder, spec)
     for axle_x in (0.0, spec.wheelbase):
         _add_suspension(builder, spec, axle_x)
-    _add_deck(builder, spec)
-    _add_computer(builder, spec)
+    if spec.look == "enclosed":
+        _add_enclosure(builder, spec)
+        _add_wing(builder, spec)
+    else:
+        _add_deck(builder, spec)
+        _add_computer(builder, spec)
     _add_lidar_base(builder, spec)
-    _add_mast(builder, spec)
+    _add_cameras(builder, spec)
 
 
 def add_racer_lidar_window(builder: MeshBuilder) -> None:
@@ -104,7 +109,8 @@ def _add_suspension(builder: MeshBuilder, spec: VehicleSpec, x: float) -> None:
     """Shock tower, arms and spring dampers of an axle."""
     floor = span(spec.platforms[0])[0] + FLOOR
     is_front = x > 0.0
-    tower = x + (0.016 if is_front else -0.022)
+    ahead = 0.010 if spec.look == "enclosed" else 0.016  # the dampers stay inside the face of the enclosure
+    tower = x + (ahead if is_front else -0.022)
     high = 0.046
     shape = shapely.Polygon([(-0.040, floor), (0.040, floor), (0.048, high - 0.006), (0.030, high), (-0.030, high)])
     shape = shapely.union_all([shape, shapely.Polygon([(-0.048, high - 0.006), (-0.030, high), (-0.040, floor)])])
@@ -193,8 +199,56 @@ def _add_computer(builder: MeshBuilder, spec: VehicleSpec) -> None:
         builder.add("black", wire([_between(foot, tip, 0.25), tip], 0.0030, builder.around(0.15), 1))
 
 
+def _add_enclosure(builder: MeshBuilder, spec: VehicleSpec) -> None:
+    """A shell with a sloped face and back, its lower edge, windows, fan and display."""
+    x0, x1, y0, y1 = edges(spec.platforms[1])
+    bottom, top = span(spec.platforms[1])
+    low = bottom + 0.5 * (top - bottom)
+    side = [(x0, bottom), (x1, bottom), (x1, low), (x1 - 0.10, top), (x0 + 0.03, top), (x0, top - 0.02)]
+    outline = shapely.Polygon(side).buffer(-0.005).buffer(0.005, quad_segs=max(2, builder.n // 12))
+    builder.add("shell", _upright(outline, y0, y1))
+    builder.add("matt_black", box((x1 - x0 + 0.002, y1 - y0 + 0.002, 0.006), (0.5 * (x0 + x1), 0.0, bottom + 0.003)))
+    window = shapely.Polygon([(x0 + 0.05, low), (x1 - 0.05, low), (x1 - 0.105, top - 0.01), (x0 + 0.06, top - 0.01)])
+    window = window.buffer(-0.003).buffer(0.003, quad_segs=max(1, builder.n // 18))
+    builder.add("glass", _upright(window, y0 - 0.0006, y1 + 0.0006))
+    stripe = shapely.box(x0 + 0.030, top - 0.001, x1 - 0.102, top + 0.0005)
+    for y in (-0.045, 0.045):
+        builder.add("white", _upright(stripe, y - 0.005, y + 0.005))
+    n, fan = builder.around(0.5), (x0 + 0.055, 0.0, top)
+    ring = [(0.0165, 0.0), (0.0195, 0.0), (0.0195, 0.004), (0.0165, 0.004), (0.0165, 0.0)]
+    builder.add("black", lathe(ring, fan, n=n), cylinder(0.0168, 0.001, fan, n=n), cylinder(0.0060, 0.006, fan, n=n))
+    builder.add("glass", box((0.0012, 0.064, 0.016), (x0, 0.0, top - 0.036)))  # display
+    if builder.has_small_parts:
+        for angle in np.linspace(0.0, 2.0 * math.pi, 7, endpoint=False):
+            blade = rotated(box((0.0095, 0.0052, 0.0008), (0.0105, 0.0, 0.0)), 0.5, (1.0, 0.0, 0.0))
+            blade = rotated(blade, float(angle), (0.0, 0.0, 1.0))
+            blade.apply_translation((fan[0], fan[1], fan[2] + 0.002))
+            builder.add("black", blade)
+        for x in np.linspace(x1 - 0.085, x1 - 0.035, 6):  # louvres on the face
+            z = low + (top - low) * (x1 - float(x)) / 0.10
+            builder.add("black", box((0.003, 0.056, 0.0016), (float(x), 0.0, z)))
+
+
+def _add_wing(builder: MeshBuilder, spec: VehicleSpec) -> None:
+    """The wing behind the enclosure, on two mounts."""
+    x = edges(spec.platforms[0])[0] + 0.025
+    low, top = span(spec.platforms[0])[1], span(spec.platforms[1])[1] - 0.004
+    half = 0.5 * spec.track
+    section = shapely.Polygon(
+        [(x - 0.022, top + 0.006), (x - 0.019, top + 0.009), (x + 0.022, top), (x + 0.022, top - 0.003)]
+    )
+    builder.add("carbon", _upright(section, -half, half))
+    mount = shapely.Polygon([(x - 0.004, low), (x + 0.016, low), (x + 0.012, top), (x - 0.008, top + 0.003)])
+    end = shapely.Polygon(
+        [(x - 0.028, top - 0.014), (x + 0.024, top - 0.014), (x + 0.024, top + 0.006), (x - 0.028, top + 0.014)]
+    )
+    for side in (-1.0, 1.0):
+        builder.add("aluminium", _upright(mount, 0.030 * side - 0.0012, 0.030 * side + 0.0012))
+        builder.add("shell", _upright(end, half * side - 0.0015, half * side + 0.0015))
+
+
 def _add_lidar_base(builder: MeshBuilder, spec: VehicleSpec) -> None:
-    """The base of a Hokuyo UST-10LX; its window is the node `lidar_head`."""
+    """The base of the LIDAR, a Hokuyo UST-10LX on a deck; its window is the node `lidar_head`."""
     lidar = spec.sensors.lidar
     if lidar is None:
         return
@@ -211,21 +265,29 @@ def _add_lidar_base(builder: MeshBuilder, spec: VehicleSpec) -> None:
         builder.add("black", wire(way, 0.0024, 8, 6))
 
 
-def _add_mast(builder: MeshBuilder, spec: VehicleSpec) -> None:
-    """Each camera in its housing, on two struts from the deck."""
-    floor = span(spec.platforms[1])[1]
+def _add_cameras(builder: MeshBuilder, spec: VehicleSpec) -> None:
+    """Each camera in its housing: on two struts from the deck, or in the face of the enclosure."""
+    floor, is_enclosed = span(spec.platforms[1])[1], spec.look == "enclosed"
+    width, lenses = (0.044, (0.0,)) if is_enclosed else (0.088, (-0.030, 0.0, 0.022))
     for camera in spec.cameras.values():
         mount, (x, y, z) = camera.mount, camera.mount.position
-        housing = box((0.022, 0.088, 0.024), (-0.0125, 0.0, 0.0), 0.006 if builder.n > 30 else 0.0)
+        housing = box((0.022, width, 0.024), (-0.0125, 0.0, 0.0), 0.006 if builder.n > 30 else 0.0)
         builder.add_mounted("aluminium", mount, housing, back=0.002)
-        builder.add_mounted("glass", mount, box((0.0012, 0.078, 0.016), (-0.0012, 0.0, 0.0)), back=0.002)
-        for side in (-0.030, 0.0, 0.022):
+        builder.add_mounted("glass", mount, box((0.0012, width - 0.010, 0.016), (-0.0012, 0.0, 0.0)), back=0.002)
+        for side in lenses:
             lens = cylinder(0.0045, 0.0012, (-0.0006, side, 0.0), "x", builder.around(0.3))
             builder.add_mounted("lens_glass", mount, lens, back=0.002)
-        for side in (-0.024, 0.024):
+        for side in () if is_enclosed else (-0.024, 0.024):
             foot, head = (x + 0.006, y + side, floor), (x - 0.014, y + side, z - 0.008)
             builder.add("carbon", wire([foot, head], 0.0038, builder.around(0.2), 1))
             builder.add("aluminium", cylinder(0.0065, 0.004, (foot[0], foot[1], floor + 0.002), n=builder.around(0.3)))
+
+
+def _upright(outline: shapely.Polygon, y0: float, y1: float) -> trimesh.Trimesh:
+    """An outline in x and z, extruded along y between two places [m]."""
+    mesh = plate(outline, -y1, -y0)
+    mesh.apply_transform(np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], float))
+    return mesh
 
 
 def _between(a: Vector, b: Vector, share: float) -> Vector:

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
 from autodrive.base.transforms import Vector, quaternion_from_euler
+from autodrive.base.units import STANDARD_GRAVITY
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
@@ -317,9 +318,9 @@ class VehicleSpec(Spec):
     """Title for menus and lists."""
     summary: dict[str, str] = Field(default_factory=dict)
     """Components of the car, as text (report, table 1)."""
-    look: Literal["platforms", "racer"] = "platforms"
+    look: Literal["platforms", "racer", "enclosed"] = "platforms"
     """Kind of the mesh. platforms: a stack of acrylic platforms with boards. racer: a 1:10 race car, whose chassis and
-    deck are the two `platforms`."""
+    deck are the two `platforms`. enclosed: a race car with an enclosure instead of the deck."""
     size: Size
     """Overall length, width, height [m]."""
     wheelbase: Length
@@ -352,14 +353,20 @@ class VehicleSpec(Spec):
             for place, box in boxes.items()
             if box.position[2] - box.size[2] / 2 < -self.ride_height - 1e-6
         ]
-        if self.look == "racer" and len(self.platforms) != 2:
-            errors.append((("platforms",), "must be two, chassis and deck, for look: racer"))
+        if self.is_race_car and len(self.platforms) != 2:
+            upper = "deck" if self.look == "racer" else "enclosure"
+            errors.append((("platforms",), f"must be two, chassis and {upper}, for look: {self.look}"))
         x, y, _ = self.body.center_of_mass
         if not (0.0 <= x <= self.wheelbase and abs(y) <= self.track / 2):
             errors.append((("body", "center_of_mass"), "must be between the wheels; otherwise the car falls over"))
         if errors:
             raise RuleError(errors)
         return self
+
+    @property
+    def is_race_car(self) -> bool:
+        """Whether it looks like a race car, which can be painted."""
+        return self.look != "platforms"
 
     @property
     def hubs(self) -> tuple[Vector, Vector, Vector, Vector]:
@@ -369,15 +376,28 @@ class VehicleSpec(Spec):
         return (front, side, axle.z), (front, -side, axle.z), (0.0, side, 0.0), (0.0, -side, 0.0)
 
     @property
-    def ride_pitch(self) -> float:
-        """Pitch of the vehicle at rest [rad], positive with the front lower."""
-        x, _, z = self.hubs[0]
-        return math.atan2(z, x)
+    def rest(self) -> tuple[float, float]:
+        """Height of the vehicle frame above the ground at rest [m], and pitch [rad], positive with the front lower.
+
+        With front hubs that are higher, the vehicle leans forward, its weight leans as well, and the springs follow, so
+        that the pitch is a fixed point. Each iteration reduces the error to about a twentieth.
+        """
+        axle, _, z = self.hubs[0]
+        radius, weight, pitch, rear = self.wheels.radius, self.body.mass * STANDARD_GRAVITY, 0.0, 0.0
+        x, _, up = self.body.center_of_mass
+        for _ in range(20 if z else 0):
+            c, s = math.cos(pitch), math.sin(pitch)
+            # share of the weight in front: distances of centre of mass and front contacts from the rear ones
+            share = (x * c + (up + radius) * s) / (axle * c + z * s)
+            front = weight * (share / c - x / axle * c) / (2.0 * self.wheels.suspension.stiffness)
+            rear = weight * ((1.0 - share) / c - (1.0 - x / axle) * c) / (2.0 * self.wheels.suspension.stiffness)
+            pitch = math.atan2(z + front - rear, axle)
+        return (radius - rear) * math.cos(pitch), pitch
 
     @property
     def ride_height(self) -> float:
         """Height of the origin of the vehicle frame above the ground at rest [m]."""
-        return self.wheels.radius * math.cos(self.ride_pitch)
+        return self.rest[0]
 
     @property
     def full_throttle_speed(self) -> float:
@@ -388,7 +408,8 @@ class VehicleSpec(Spec):
 
     def standing(self, x: float, y: float, yaw: float) -> tuple[float, ...]:
         """Pose of the vehicle at rest on the ground at x, y [m] with heading yaw [rad]: position, quaternion wxyz."""
-        return (x, y, self.ride_height, *quaternion_from_euler(0.0, self.ride_pitch, yaw))
+        height, pitch = self.rest
+        return (x, y, height, *quaternion_from_euler(0.0, pitch, yaw))
 
     @property
     def colliders(self) -> dict[str, ColliderSpec]:

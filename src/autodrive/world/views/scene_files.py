@@ -123,6 +123,7 @@ def _vehicle(name: str, spec: VehicleSpec, world: World, files: _Files) -> Vehic
         lamps=_lamps(spec.lights),
         cameras=[name for name in spec.cameras if sensors[name].is_on],
         lidar=lidar and _pose(lidar.mount),
+        is_lidar_level=lidar is not None and lidar.is_level,
         wheelbase=spec.wheelbase,
         wheel_radius=spec.wheels.radius,
         speed_limit=spec.full_throttle_speed,

@@ -16,6 +16,7 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
+RACE_CARS = ("roboracer", "neoracer")
 VECTORS = ("Encoder Angles", "Position", "Orientation Quaternion", "Orientation Euler Angles")
 VECTORS += ("Angular Velocity", "Linear Acceleration")
 
@@ -34,7 +35,7 @@ def read(year, data):
     result = {key: float(data[prefix + key]) for key in ("Throttle", "Steering", "LIDAR Scan Rate")}
     result |= {key: numbers(data[prefix + key]) for key in VECTORS}
     result["Encoder Ticks"] = numbers(data[prefix + "Encoder Ticks"], dtype=int)
-    if year in ("2025", "roboracer"):
+    if year in ("2025", *RACE_CARS):
         result["Speed"] = float(data[prefix + "Speed"])
         result["LIDAR Range Array"] = numbers(inflated(data[prefix + "LIDAR Range Array"]), sep="\n")
     else:
@@ -42,7 +43,7 @@ def read(year, data):
         result["LIDAR Intensity Array"] = numbers(data[prefix + "LIDAR Intensity Array"])
     if year != "2020":
         result["lights"] = [int(data[f"TL{n} State"]) for n in range(1, 5)]
-    for side in ("Front",) if year == "roboracer" else ("Front", "Rear"):
+    for side in ("Front",) if year in RACE_CARS else ("Front", "Rear"):
         picture = np.asarray(Image.open(BytesIO(base64.b64decode(data[f"{prefix}{side} Camera Image"]))))
         result[f"{side} Camera Image"] = [picture.shape, int(picture.min()), int(picture.max())]
     return result
