@@ -25,7 +25,9 @@ from autodrive.world.racing.results import RaceRecorder
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "racing"
 ANGLES = np.radians(np.linspace(-135.0, 135.0, 1081))
-TRACKS = ("fast", "practice", "technical")
+TRACKS = ("cdc_tf_2025", "fast", "practice", "technical")
+FAST = 6.0, 4.0, 8.0
+"""Accelerations of `race_line_fast`: forward, braking, sideways [m/s^2]."""
 TICK = 0.025
 """Of `autodrive race` [s]."""
 SPACING = 8.0
@@ -45,10 +47,12 @@ def world_on(track: str, cars: int, laps: int) -> World:
 def drivers(track: Track) -> dict[str, Driver]:
     """The example drivers."""
     gap: Any = runpy.run_path(str(EXAMPLES / "follow_the_gap.py"))["command"]
-    line: Any = runpy.run_path(str(EXAMPLES / "race_line.py"))["RaceLine"](track)
+    race_line: Any = runpy.run_path(str(EXAMPLES / "race_line.py"))["RaceLine"]
+    line, fast_line = race_line(track), race_line(track, FAST)
     return {
         "follow_the_gap": lambda car: gap(car.lidar.ranges, ANGLES) if car.lidar else (0.0, 0.0),
         "race_line": lambda car: line.command(*car.ips.position[:2], car.imu.euler[2], car.speed),
+        "race_line_fast": lambda car: fast_line.command(*car.ips.position[:2], car.imu.euler[2], car.speed),
     }
 
 
@@ -61,10 +65,11 @@ def race(track: str, name: str, laps: int) -> None:
     while not recorder.is_over and world.time < 1000.0:
         recorder.publish(world.step({"V1": Command(*drive(world.frame.vehicles["V1"]))}))
     factor = world.time / (time.process_time() - start)
-    (one,) = recorder.standings()
+    (standing,) = recorder.standings()
+    *_, best, status = standing.row
     print(
-        f"{track:<10} {name:<15} {one.status}: {one.race_time:.2f} s, best lap {one.best_lap:.2f} s, "
-        f"{one.collisions} collisions; {factor:.0f} times real time"
+        f"{track:<11} {name:<14} {status}: {standing.race_time:.2f} s, best lap {best or '-'} s, "
+        f"{standing.collisions} collisions; {factor:.0f} times real time"
     )
 
 
@@ -92,6 +97,7 @@ def main() -> None:
     for track in TRACKS:
         for name in ("follow_the_gap", "race_line"):
             race(track, name, laps)
+    race("cdc_tf_2025", "race_line_fast", laps)
     eight_cars("practice", 20.0)
 
 

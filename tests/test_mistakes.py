@@ -152,7 +152,7 @@ COMMAND_LINES = {
     "run tiny_town.yaml": "If you mean the scenario of this package, write 'tiny_town'",
     "show figure_eight.yaml": "If you mean the map of this package, write 'figure_eight'",
     "run oval": "'oval' is a map; a scenario there has the line 'map: oval'",
-    "race mini_map": "track 'mini_map' is not known. Known: fast, practice, technical. 'mini_map' is a map.",
+    "race mini_map": "track 'mini_map' is not known. Known: cdc_tf_2025, fast, practice, technical. 'mini_map' is a",
     "race practice.yaml": "If you mean the track of this package, write 'practice'",
     "play race tiny_town": "'tiny_town' is a map.",
     "run --weather rain=0,6": "write rain=0.6, with a decimal point",

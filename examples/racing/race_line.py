@@ -16,18 +16,18 @@ TOP_SPEED = 25.252  # speed of throttle 1 [m/s]
 STEERING_LIMIT = 0.5236  # [rad]
 WHEELBASE = 0.324  # [m]
 FASTEST = 8.0  # [m/s]
-FORWARD, BRAKING, SIDEWAYS = 2.5, 2.5, 4.0  # accelerations that the tyres take with a reserve [m/s^2]
+ACCELERATIONS = 2.5, 2.5, 4.0  # forward, braking, sideways: what the tyres take with a reserve [m/s^2]
 DELAY = 0.1  # time between a reading and its effect [s]
 
 
 class RaceLine:
     """The race line of a track, or its centre line, with the speed at each point."""
 
-    def __init__(self, track):
+    def __init__(self, track, accelerations=ACCELERATIONS):
         line = track.centre_line[:, :2] if track.race_line is None else track.race_line[:, 1:3]
         self.points = evenly(line, 0.1)
         self.step = 0.1
-        self.speed = speeds(curvatures(self.points), self.step)
+        self.speed = speeds(curvatures(self.points), self.step, accelerations)
 
     def command(self, x, y, yaw, speed):
         """Throttle and steering, -1 to 1, for a pose of the rear axle and a speed [m/s]."""
@@ -57,14 +57,15 @@ def curvatures(points):
     return np.abs(turn) / (0.5 * (np.hypot(*before.T) + np.hypot(*after.T)))
 
 
-def speeds(curvature, step):
-    """The fastest speeds [m/s] that hold each curve, and can be reached and left with the accelerations above."""
-    speed = np.minimum(FASTEST, np.sqrt(SIDEWAYS / np.maximum(curvature, 1e-3)))
+def speeds(curvature, step, accelerations):
+    """The fastest speeds [m/s] that hold each curve, and can be reached and left with the accelerations."""
+    forward, braking, sideways = accelerations
+    speed = np.minimum(FASTEST, np.sqrt(sideways / np.maximum(curvature, 1e-3)))
     for _ in range(2):  # twice around, because the line is closed
         for i in range(len(speed)):
-            speed[i] = min(speed[i], math.sqrt(speed[i - 1] ** 2 + 2.0 * FORWARD * step))
+            speed[i] = min(speed[i], math.sqrt(speed[i - 1] ** 2 + 2.0 * forward * step))
         for i in reversed(range(len(speed))):
-            speed[i - 1] = min(speed[i - 1], math.sqrt(speed[i] ** 2 + 2.0 * BRAKING * step))
+            speed[i - 1] = min(speed[i - 1], math.sqrt(speed[i] ** 2 + 2.0 * braking * step))
     return speed
 
 
@@ -73,8 +74,9 @@ def main():
     parser = argparse.ArgumentParser(description="Races along the race line of a track.")
     parser.add_argument("port", type=int, nargs="?", default=4567)
     parser.add_argument("--track", default="practice")
+    parser.add_argument("--accelerations", type=float, nargs=3, default=ACCELERATIONS, metavar="M/S^2")
     options = parser.parse_args()
-    line, car = RaceLine(Track.load(options.track)), RoboRacer("V1")
+    line, car = RaceLine(Track.load(options.track), options.accelerations), RoboRacer("V1")
 
     def step():
         if not any(car.position):

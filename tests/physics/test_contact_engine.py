@@ -15,7 +15,6 @@ from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.scenario.kinds import names
 from autodrive.world import World
 from tests.support.frames import digest
 
@@ -62,7 +61,7 @@ def test_a_drive_without_contact_agrees_with_the_engine_in_every_substep(map_: s
     assert_same_state(auto, always)
 
 
-@pytest.mark.parametrize("track", names("track"))
+@pytest.mark.parametrize("track", ["fast", "practice", "technical"])
 def test_a_race_drive_without_contact_agrees_with_the_engine(track: str) -> None:
     """A minute with up to 9 m/s; a policy that keeps off the walls drives both cars by the readings of the first."""
     spec = ScenarioSpec(map=track, vehicles={"V1": VehiclePlacement(type="roboracer_physical")}, tick=PERIOD)

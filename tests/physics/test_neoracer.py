@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 import autodrive
 from autodrive import Command
@@ -14,9 +16,10 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world import World
 from tests.physics.test_league_car import FORWARD, G, curve
+from tests.support.tables import cells
 
 MASS, DRAG, RADIUS, DAMPING, TORQUE, AHEAD, UP = 2.8, 0.273, 0.0425, 0.25, 144.4 / 4, 0.13, 0.04
-WHEELBASE, TRACK = 0.285, 0.215
+WHEELBASE = 0.285
 
 
 @pytest.fixture(scope="module")
@@ -29,24 +32,30 @@ def drive(world: World, throttle: float, seconds: float, steering: float = 0.0) 
         world.step({"V1": Command(throttle, steering)})
 
 
+def tyre(spin: float, speed: float, load: float) -> float:
+    """Force forward [N] of a wheel that spins with `spin` [rad/s] under that load [N]."""
+    ratio = (RADIUS * spin - speed) / (max(speed, RADIUS * abs(spin)) + 0.1)
+    return math.copysign(load * curve(abs(ratio), *FORWARD), ratio)
+
+
+def driving_force(speed: float, throttle: float) -> float:
+    """Force of all tyres [N]. Each wheel spins so that its torques balance; the drag shifts load to the rear."""
+    shift, share, total = MASS * DRAG * speed * (RADIUS + UP) / WHEELBASE, AHEAD / WHEELBASE, 0.0
+    for load in (0.5 * (MASS * G * share - shift), 0.5 * (MASS * G * (1.0 - share) + shift)):
+        balance = partial(
+            lambda load, spin: DAMPING * spin + RADIUS * tyre(spin, speed, load) - throttle * TORQUE, load
+        )
+        total += 2.0 * tyre(root_scalar(balance, bracket=(-300.0, 300.0)).root, speed, load)
+    return total
+
+
 def steady_speed(throttle: float) -> float:
-    """Speed at which the tyres balance the drag [m/s]; each wheel spins so that its torques balance."""
+    """Speed at which the tyres balance the drag [m/s]."""
+    return root_scalar(lambda v: driving_force(v, throttle) - MASS * DRAG * v, bracket=(1e-3, 7.0)).root
 
-    def force(speed: float) -> float:
-        """Of both tyres of a side [N], whose loads the drag shifts by its height above the ground."""
-        shift = MASS * DRAG * speed * (RADIUS + UP) / WHEELBASE
-        total = 0.0
-        for load in (MASS * G * AHEAD / WHEELBASE - shift, MASS * G * (1.0 - AHEAD / WHEELBASE) + shift):
 
-            def tyre(spin: float, load: float = load) -> float:
-                ratio = (RADIUS * spin - speed) / (max(speed, RADIUS * abs(spin)) + 0.1)
-                return math.copysign(0.5 * load * curve(abs(ratio), *FORWARD), ratio)
-
-            spin = brentq(lambda w, tyre=tyre: DAMPING * w + RADIUS * tyre(w) - throttle * TORQUE, -300.0, 300.0)
-            total += tyre(spin)
-        return total
-
-    return brentq(lambda speed: 2.0 * force(speed) - MASS * DRAG * speed, 1e-3, 7.0)
+PAGE = Path(__file__).parents[2] / "docs" / "race_car.md"
+STATED = cells(PAGE.read_text(encoding="utf-8"), "| vehicle | car | top speed |")["`neoracer`"]
 
 
 @pytest.mark.parametrize("throttle", [0.2, 0.5, 1.0])
@@ -54,6 +63,19 @@ def test_steady_speed(world: World, throttle: float) -> None:
     world.reset()
     drive(world, throttle, 20.0)
     assert world.frame.vehicles["V1"].speed == pytest.approx(steady_speed(throttle), rel=0.01)
+
+
+def test_figures_of_the_documents(world: World) -> None:
+    """Full throttle from rest, and then throttle 0 at once."""
+    world.reset()
+    while world.frame.vehicles["V1"].speed < 5.0:
+        drive(world, 1.0, 0.01)
+    time = world.time
+    drive(world, 1.0, 20.0)
+    speed, start = world.frame.vehicles["V1"].speed, world.frame.vehicles["V1"].pose.position.copy()
+    drive(world, 0.0, 3.0)
+    distance = float(np.linalg.norm(world.frame.vehicles["V1"].pose.position - start))
+    assert STATED[1:4] == [f"{speed:.2f} m/s", f"{time:.2f} s", f"{distance:.1f} m, from {speed:.2f} m/s"]
 
 
 def test_circle_at_low_speed_and_brakes(world: World) -> None:

@@ -15,7 +15,7 @@ from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world import World
 
-TYPES = ("nigel", "nigel_2020", "nigel_2023", "neoracer", "roboracer", "roboracer_f1tenth", "roboracer_physical")
+TYPES = ("nigel", "nigel_2020", "nigel_2023", "roboracer", "roboracer_f1tenth", "roboracer_physical", "neoracer")
 ARENAS = ("plane", "walls", "boxes")
 SUBSTEP = 0.001
 

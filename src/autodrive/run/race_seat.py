@@ -97,7 +97,7 @@ def permitted(vehicle: VehicleFrame, rules: RaceRules) -> VehicleFrame:
     if "position" in withheld:
         vehicle = replace(vehicle, ips=IpsReading(vehicle.ips.time, np.zeros(3)))
     if "velocity" in withheld:
-        vehicle = replace(vehicle, velocity=np.zeros(3))
+        vehicle = replace(vehicle, velocity=np.zeros(3), angular_velocity=np.zeros(3))  # the IMU still measures its own
     race = vehicle.race
     if race is not None and "laps" in withheld:
         race = _without_laps(race)

@@ -58,14 +58,14 @@ def test_the_resend_delay_grows_up_to_its_limit() -> None:
     assert flow.resends == 0
 
 
-def test_the_format_changes_only_after_four_seconds_without_an_answer() -> None:
+def test_the_format_changes_only_after_four_and_a_half_seconds_without_an_answer() -> None:
     flow = FlowControl()
     now, sent = 0.0, []
     for _ in range(6):
         flow.begin_send(new_frame(), now, may_request_ack=False)
         sent.append((now, flow.late_resends))
         now = flow.deadline
-    assert sent == [(0.0, 0), (1.0, 0), (3.0, 0), (4.0, 1), (8.0, 2), (12.0, 3)]
+    assert sent == [(0.0, 0), (1.0, 0), (3.0, 0), (4.5, 1), (8.5, 2), (12.5, 3)]
     flow.command_received(now)
     assert flow.late_resends == 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import queue
 import threading
 import time
@@ -283,3 +284,6 @@ def test_laps_are_those_of_the_race() -> None:
     publisher.publish(Time(1, 0), still_vehicle(race=race, collision_count=9))
     names = ("lap_count", "lap_time", "last_lap_time", "best_lap_time", "collision_count")
     assert [node.last(f"{CAR}/{name}")["data"] for name in names] == [2, 3.5, 9.25, 9.0, 3]
+    race = RaceState(RaceStatus.RACING, 0, 12, 3.5, math.inf, math.inf, 3.5, 0.0, 0, 4, 5.0, 1, 0.0, False)
+    publisher.publish(Time(2, 0), still_vehicle(race=race))
+    assert [node.last(f"{CAR}/{name}")["data"] for name in names[:4]] == [0, 3.5, math.inf, math.inf]

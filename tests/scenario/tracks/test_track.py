@@ -58,14 +58,19 @@ def test_projection_is_that_of_an_independent_library() -> None:
 
 def test_a_file_keeps_every_number(ring: Track, tmp_path: Path) -> None:
     race = np.column_stack([np.arange(4.0), 5.0 * np.cos(np.arange(4.0)), np.arange(4.0) / 3.0, *np.zeros((4, 4))])
-    track = Track("ring", ring.centre_line, race, ring.walls, 'A "ring"', "one\ntwo", DUCT)
+    angle = np.arange(4.0)
+    gates = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), angle + math.pi / 2.0, angle / 3.0 + 1.2])
+    start = (4.9, -1.0 / 3.0, 1.5)
+    track = Track("ring", ring.centre_line, race, ring.walls, 'A "ring"', "one\ntwo", DUCT, gates, start)
     track.save(tmp_path / "ring.yaml")
     again = Track.load(tmp_path / "ring.yaml")
     assert (again.name, again.title, again.note, again.barrier) == ("ring", 'A "ring"', "one\ntwo", DUCT)
+    assert again.start == again.grid_pose(0) == start
+    assert again.grid_pose(0, 2) == ring.grid_pose(0, 2)
     assert again.race_line is not None
-    for a, b in zip(
-        (*again.walls, again.centre_line, again.race_line), (*track.walls, track.centre_line, race), strict=True
-    ):
+    assert again.checkpoints is not None
+    loaded = (*again.walls, again.centre_line, again.race_line, again.checkpoints)
+    for a, b in zip(loaded, (*track.walls, track.centre_line, race, gates), strict=True):
         assert np.array_equal(a, b)
 
 

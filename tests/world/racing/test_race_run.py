@@ -6,6 +6,7 @@ import csv
 import hashlib
 import itertools
 import json
+import math
 import re
 import runpy
 import time
@@ -115,6 +116,7 @@ def test_scripts_that_die_stall_or_cheat_leave_the_race_and_the_others_finish(tm
     for script in (good, dying, stalling, cheating):
         assert script.keys == {"V1"}
         assert not any(script.numbers)  # position, velocities and lap times are withheld
+        assert script.car.last_lap_time == script.car.best_lap_time == math.inf  # as before the first lap
     assert json.loads((folder / "result.json").read_text())["standings"][0]["team"] == "Good"
     rows = (folder / "result.md").read_text().splitlines()
     total = f"{by_team['Good'].race_time:.2f}"

@@ -12,7 +12,7 @@ RESEND_DELAY, RESEND_DELAY_MAX = 1.0, 4.0
 """Wall time without a command after which telemetry is resent [s]: the first delay, which doubles up to the second. A
 script that stops at a breakpoint then does not find a hundred old messages when it continues."""
 
-PATIENCE = 4.0
+PATIENCE = 4.5
 """A message that has not been answered for this time [s] is sent again in another format of scans: before that, the
 script may be busy with its first answer, and would read the other format as garbage."""
 

@@ -43,8 +43,8 @@ from autodrive.protocol.native import Picture
 from autodrive.protocol.ports import DEVKIT_PORT
 
 ANSWER_TIME = 4.0
-"""Time that the driver has for a scan in lock-step [s]; a race sends a message that is not answered again after 5 s or
-later."""
+"""Time that the driver has for a scan in lock-step [s]; a race sends a message that is not answered again after 4.5 s
+or later."""
 MAX_DELAY = 0.5
 """An answer is never delayed longer: the simulator may take its message for lost [s]."""
 PARSE_ERRORS = (ValueError, TypeError, ArithmeticError, EOFError, OSError, zlib.error)

@@ -46,7 +46,7 @@ WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
 LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 120.0
 """Length of a track [m]: if nothing is chosen, least and greatest."""
 LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
-"""Least and greatest radius of curves [m]: the car turns with 0.57 m."""
+"""Least and greatest radius of curves [m]: the car turns with 0.59 m."""
 LEAST_AREA, MOST_AREA = 6.0, 60.0
 """Least and greatest side of the ground of a track [m]."""
 

@@ -63,7 +63,7 @@ def checkpoint_errors(track: Track) -> list[str]:
         return [f"the first checkpoint must be at the start line, not {away:.2f} m from it along the centre line"]
     at = [0.0, *others]
     late = [i for i in range(1, len(at)) if at[i] <= at[i - 1]]
-    return [f"checkpoint {i} (from 0) must be after checkpoint {i - 1} along the centre line" for i in late[:3]]
+    return [f"checkpoint {i + 1} must be after checkpoint {i} along the centre line" for i in late[:3]]
 
 
 def track_warnings(track: Track) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -70,7 +71,7 @@ def _numbers(row: Any) -> Any:
         raise ValueError(f"expected numbers with spaces between them, found '{row[:50]}'") from None
 
 
-def _row_text(row: tuple[float, ...]) -> str:
+def _row_text(row: Iterable[float]) -> str:
     return " ".join(map(_number, row))
 
 
@@ -80,6 +81,7 @@ _Row4: TypeAlias = Annotated[tuple[_Number, _Number, _Number, _Number], BeforeVa
 _Row7: TypeAlias = Annotated[
     tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_numbers), _TEXT
 ]
+_Row3: TypeAlias = Annotated[tuple[_Number, _Number, _Number], BeforeValidator(_numbers), _TEXT]
 _Row2: TypeAlias = Annotated[tuple[_Number, _Number], BeforeValidator(_numbers), _TEXT]
 
 
@@ -108,6 +110,9 @@ class TrackSpec(Spec):
     checkpoints: Annotated[tuple[_Row4, ...], Field(min_length=3, max_length=1000)] = ()
     """Checkpoints in driving order, instead of those that the rules of a race place: x [m], y [m] of the middle,
     heading psi [rad], width across [m]. The first is the finish line; it is at the start line."""
+    start: _Row3 | None = None
+    """Where the centre of the rear axle of a vehicle without a pose starts that has no other vehicle beside it: x [m],
+    y [m], heading psi [rad]. Left out, and of several vehicles: behind the start line."""
 
     @model_validator(mode="after")
     def _is_valid(self) -> TrackSpec:
@@ -138,6 +143,8 @@ class Track:
     checkpoints: Floats | None = None
     """x [m], y [m], heading psi [rad], width across [m] of each checkpoint in driving order, shape (c, 4); the first is
     the finish line. None: the rules of a race place them."""
+    start: Pose | None = None
+    """Where a single vehicle starts; None: behind the start line, as several vehicles do."""
 
     def __post_init__(self) -> None:
         def array(values: Any) -> Floats:
@@ -174,7 +181,7 @@ class Track:
     def of(cls, spec: TrackSpec, name: str) -> Track:
         """The track of the contents of a file."""
         centre_line, race_line, walls, checkpoints = _arrays(spec)
-        return cls(name, centre_line, race_line, walls, spec.title, spec.note, spec.barrier, checkpoints)
+        return cls(name, centre_line, race_line, walls, spec.title, spec.note, spec.barrier, checkpoints, spec.start)
 
     def save(self, path: str | Path) -> None:
         """Write the YAML file; `Track.load` of it returns the same numbers."""
@@ -188,6 +195,7 @@ class Track:
         lines += _rows(self.centre_line, "  ")
         if self.race_line is not None:
             lines += ["race_line:  # s x y psi kappa vx ax", *_rows(self.race_line, "  ")]
+        lines += [f"start: {_row_text(self.start)}  # x y psi"] if self.start else []
         if self.checkpoints is not None:
             lines += ["checkpoints:  # x y psi width; the first is the finish line", *_rows(self.checkpoints, "  ")]
         lines += ["walls:  # x y [m]; the free side is on the left"] if self.walls else []
@@ -230,8 +238,11 @@ class Track:
     def grid_pose(self, place: int, vehicles: int = 1) -> Pose:
         """Where the vehicle in that place, from 0, starts: behind the start line, in two rows if there are several.
 
-        The pose is that of the centre of the rear axle, with room for 0.5 m of the vehicle in front of it.
+        The pose is that of the centre of the rear axle, with room for 0.5 m of the vehicle in front of it. A single
+        vehicle starts at `start`, if the track has one.
         """
+        if vehicles == 1 and self.start is not None:
+            return self.start
         back = GRID_FRONT + GRID_STEP * place
         right, left = self.widths_at(-back)
         if vehicles == 1:
@@ -322,7 +333,7 @@ def _problems(
 
 
 def _rows(rows: Floats, indent: str) -> list[str]:
-    return [f"{indent}- {' '.join(map(_number, row))}" for row in rows.tolist()]
+    return [f"{indent}- {_row_text(row)}" for row in rows.tolist()]
 
 
 def _number(value: float) -> str:
