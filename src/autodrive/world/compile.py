@@ -102,7 +102,7 @@ class CompiledScenario(CheckedScenario):
 
     @property
     def standing(self) -> dict[str, Callable[[float, float, float], tuple[float, ...]]]:
-        """Of each object and vehicle, by name: its pose (`Poses`) on the ground at x, y [m] with heading yaw [rad]."""
+        """Function of each object and vehicle that gives its pose on the ground at x, y [m] with heading yaw [rad]."""
         vehicles = {name: vehicle.standing for name, vehicle in self.vehicles.items()}
         return {box.name: box.standing for box in self.boxes} | vehicles
 

@@ -32,7 +32,7 @@ from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.transform_tree import Matrix
 from tests.support.waiting import LIMIT, free_port, wait_until
 
-SHIPPED = names("vehicle")
+SHIPPED = sorted(names("vehicle"), key=lambda name: name == "neoracer")  # nigel is V1, roboracer is V4
 URDFS = {car: (ROOT / f"ros/autodrive_description/urdf/{car}.urdf").read_text() for car in ("nigel", "roboracer")}
 STAMPED = ("/scan", "/lidar", "/imu", "/imu/data", "/odom", "/joint_states", "/image_raw/compressed", "/camera_info")
 """Endings of topics whose messages are transformed with TF."""
@@ -340,4 +340,4 @@ def test_in_devkit_mode_another_car_is_reported_once() -> None:
     assert warning.startswith(
         "V1 has a LIDAR with 1080 rays, but a nigel has a LIDAR with 360 rays: V1 is not a nigel."
     )
-    assert warning.endswith("Set vehicle_type to 'nigel' or 'roboracer', or use the mode 'direct'")
+    assert warning.endswith("Set vehicle_type to 'neoracer' or 'nigel' or 'roboracer', or use the mode 'direct'")
