@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import fsolve, root_scalar
 
 import autodrive
 from autodrive import Command
@@ -99,7 +99,8 @@ def wheel(along: float, across: float, load: float, throttle: float) -> tuple[fl
 
     if throttle == 0.0:  # 428 N m lock the wheel
         return tyre(0.0)
-    return tyre(brentq(lambda spin: DAMPING * spin + RADIUS * tyre(spin)[0] - throttle * TORQUE, -900.0, 900.0))
+    balance = root_scalar(lambda spin: DAMPING * spin + RADIUS * tyre(spin)[0] - throttle * TORQUE, bracket=(-900, 900))
+    return tyre(balance.root)
 
 
 def steady(throttle: float, steering: float = 0.0) -> tuple[float, float, float]:

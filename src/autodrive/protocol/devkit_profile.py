@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.transforms import Vector, cross
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import VehicleFrame
@@ -56,11 +55,11 @@ class Profile:
         """Whether keys have a vehicle prefix."""
         return self.keys == "prefixed"
 
-    def velocity(self, vehicle: VehicleFrame) -> Vector:
+    def velocity(self, vehicle: VehicleFrame) -> tuple[float, float, float]:
         """Velocity that is sent, in the axes of the vehicle [m/s]."""
-        turn = cross(vehicle.angular_velocity, self.velocity_at)
-        x, y, z = (float(v) + d for v, d in zip(vehicle.velocity, turn, strict=True))
-        return x, y, z
+        (x, y, z), (p, q, r) = vehicle.velocity.tolist(), vehicle.angular_velocity.tolist()
+        a, b, c = self.velocity_at
+        return x + q * c - r * b, y + r * a - p * c, z + p * b - q * a
 
     @property
     def command_sign(self) -> float:

@@ -148,7 +148,7 @@ def check(frame: Frame, node: Recorder, tolerance: float) -> None:
     assert frames.pose("world", "roboracer_1") == pytest.approx(truth, abs=max(2.0 * tolerance, 1e-6))
     for name, place in (("lidar", (0.2733, 0.0, 0.096)), ("imu", (0.08, 0.0, 0.055))):
         assert frames.pose("roboracer_1", name)[:3, 3] == pytest.approx(place)
-    assert frames.pose("roboracer_1", "front_left_wheel")[:3, 3] == pytest.approx((0.324, 0.118, 0.0))
+    assert frames.pose("roboracer_1", "front_left_wheel")[:3, 3] == pytest.approx((0.330, 0.118, 0.010))
     assert {"left_encoder", "front_camera", "rear_right_wheel"} <= {one.child for one in links(node)}
 
 

@@ -258,7 +258,7 @@ def test_each_car_of_a_bag_has_its_own_description_frames_and_number(tmp_path: P
         assert lidar is not None
         assert (at.x, at.y, at.z) == pytest.approx(lidar.mount.position)
     with (tables / "V1_lidar.csv").open() as scans:
-        assert {len(row) - row.count("") for row in csv.reader(scans)} == {3 + 360, 3 + 1080}
+        assert {len(row) - row.count("") for row in csv.reader(scans)} == {3 + 360, 3 + 1081}
     assert (log.vehicle_type, log.time[-1]) == ("nigel", pytest.approx(0.2))
     # a bag of one vehicle and of a part of the time: names as in the whole bag, and nothing before its start
     assert {topic.split("/")[2] for topic in second if re.match("/autodrive/(?!tl_)", topic)} == {"nigel_2"}

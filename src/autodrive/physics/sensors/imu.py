@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from autodrive.base.arrays import Floats
 from autodrive.base.jit import inlined
-from autodrive.base.specs import Spec
+from autodrive.base.specs import Offset, Spec
 from autodrive.base.transforms import (
     compose,
     cross,
@@ -22,7 +22,7 @@ from autodrive.base.transforms import (
     rotate,
 )
 from autodrive.base.units import DEGREE, STANDARD_GRAVITY
-from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation, mount_position
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Reader, Sampled, SensorSpec
 from autodrive.protocol.messages import ImuReading
@@ -73,7 +73,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """Orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3), with noise."""
     i, motion, gravity = due.i, memory.motion, row["gravity"]
     map_from_vehicle, acceleration = motion.vehicle_orientation[i], motion.vehicle_acceleration[i]
-    angular_velocity, lever = motion.vehicle_angular_velocity[i], mount_position(due, row)
+    angular_velocity, lever = motion.vehicle_angular_velocity[i], row["measured_at"]
     map_from_sensor = compose(map_from_vehicle, mount_orientation(due, row))
     sensor_from_vehicle = inverse(mount_orientation(due, row))
     # a = a_origin + alpha x r + omega x (omega x r), in vehicle axes
@@ -107,11 +107,16 @@ class ImuSpec(SensorSpec, Sampled):
 
     VALUES: ClassVar[int] = 13
     NOISY_VALUES: ClassVar[int] = 9
-    COLUMNS: ClassVar[Mapping[str, Any]] = {"gravity": np.float64}
+    COLUMNS: ClassVar[Mapping[str, Any]] = {
+        "gravity": np.float64,
+        "measured_at": (np.float64, 3),  # point whose acceleration it measures, in the vehicle frame [m]
+    }
     sample: ClassVar[Any] = sample
 
     mount: Mount = Mount()
     """Point of the measurement and axes of the readings."""
+    measured_at: tuple[Offset, Offset, Offset] | None = None
+    """Point whose acceleration is measured, in the vehicle frame [m]; left out: that of the mount."""
     measures_specific_force: bool = False
     """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
     noise: ImuNoise = ImuNoise()
@@ -124,7 +129,8 @@ class ImuSpec(SensorSpec, Sampled):
 
     def parameters(self, gravity: float) -> dict[str, Any]:
         """Values of this sensor's columns in `SensorTables.vehicles`, by name."""
-        return {"gravity": gravity if self.measures_specific_force else 0.0}
+        measured_at = self.mount.position if self.measured_at is None else self.measured_at
+        return {"gravity": gravity if self.measures_specific_force else 0.0, "measured_at": measured_at}
 
     def channel_noise(self) -> list[NoiseSpec]:
         """Noise of each of its channels: the three axes of each quantity have the same one."""
