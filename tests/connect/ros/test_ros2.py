@@ -474,7 +474,9 @@ def test_an_invalid_parameter_is_reported_in_one_line(ros2_environment: dict[str
     with bridge(ros2_environment, tmp_path, profile="2019") as node:
         wait_until(lambda: node.process.poll() is not None)
         assert node.process.returncode == 1
-        assert node.output == "autodrive_bridge: profile must be one of 2020, 2022, 2023, 2025, roboracer, neoracer, not '2019'\n"
+        assert node.output == (
+            "autodrive_bridge: profile must be one of 2020, 2022, 2023, 2025, roboracer, neoracer, not '2019'\n"
+        )
 
 
 def test_the_node_waits_for_a_restarted_simulator_and_ends_at_ctrl_c(ros: Ros2) -> None:

@@ -92,7 +92,8 @@ def test_each_condition_changes_what_it_names() -> None:
         }.items()
     }
     assert speed["slippery"] < 0.5 * speed["as it is"]
-    assert speed["heavy"] == pytest.approx(speed["as it is"], rel=0.01)  # the wheels spin: the friction grows as the mass
+    # the wheels spin, so that the force grows as the mass
+    assert speed["heavy"] == pytest.approx(speed["as it is"], rel=0.01)
     # 0.05 s are two of the eight actions
     assert speed["late"] == pytest.approx(after(6, 1.0).vector.batch.readings.velocity[0, 0, 0], rel=1e-9)
     scans = [made(noise=noise).reset(seed=2)[0][SCAN:] for noise in (0.0, 0.0, 3.0)]
