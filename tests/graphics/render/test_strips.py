@@ -61,7 +61,7 @@ def mini_map() -> Iterator[tuple[Renderer, RenderState, View]]:
 
 @pytest.fixture(scope="module")
 def practice() -> Iterator[tuple[Renderer, RenderState, View]]:
-    yield from at_start("practice", "roboracer")
+    yield from at_start("practice", "roboracer_physical")
 
 
 @pytest.fixture(scope="module")
