@@ -31,6 +31,7 @@ from autodrive.scenario.maps.light_programs import MAX_PROGRAMS, LightProgramSpe
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.v2x import V2xSpec
+from autodrive.scenario.vehicles.spec import GRAVITY
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
@@ -232,7 +233,7 @@ class ScenarioSpec(Spec):
     """Simulated time between Frames [s]."""
     substep: float = Field(default=0.001, ge=SHORTEST_SUBSTEP, le=0.005)
     """Step of the physics [s]; a tick is a whole number of substeps."""
-    gravity: float = Field(default=9.81, ge=0, le=1e3)
+    gravity: float = Field(default=GRAVITY, ge=0, le=1e3)
     """[m/s^2]."""
     command_timeout: float = Field(default=0.5, ge=1e-5, le=1e9)
     """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight.

@@ -10,7 +10,6 @@ from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
 from autodrive.base.transforms import Vector, quaternion_from_euler
-from autodrive.base.units import STANDARD_GRAVITY
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
@@ -20,6 +19,8 @@ from autodrive.physics.weather import SNOW_RESISTANCE
 from autodrive.physics.wheel import magic_shape
 from autodrive.protocol.devkit_profile import PROFILES
 
+GRAVITY = 9.81
+"""Gravity of a scenario that does not set it [m/s^2], with which vehicles are placed at rest."""
 MAX_CAMERAS = 20
 """Most cameras of a vehicle."""
 
@@ -383,7 +384,7 @@ class VehicleSpec(Spec):
         that the pitch is a fixed point. Each iteration reduces the error to about a twentieth.
         """
         axle, _, z = self.hubs[0]
-        radius, weight, pitch, rear = self.wheels.radius, self.body.mass * STANDARD_GRAVITY, 0.0, 0.0
+        radius, weight, pitch, rear = self.wheels.radius, self.body.mass * GRAVITY, 0.0, 0.0
         x, _, up = self.body.center_of_mass
         for _ in range(20 if z else 0):
             c, s = math.cos(pitch), math.sin(pitch)
