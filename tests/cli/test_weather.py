@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pytest
@@ -20,7 +21,13 @@ def test_a_weather_is_printed_in_numbers() -> None:
     assert grips == [round(SURFACES["asphalt"].wet_grip, 2)] * 2
     assert re.findall(r"grip ([\d.]+)", dry) == ["1.00", "1.00"]
     distances = [[float(d) for d in re.findall(r"in ([\d.]+) m", text)] for text in (dry, wet)]
-    assert all(longer > 1.2 * short for short, longer in zip(*distances, strict=True))
+    (nigel, racer), (wet_nigel, wet_racer) = distances
+    assert wet_nigel > 1.3 * nigel
+    drag, speed = 0.273, 8.0  # locked wheels and linear drag: v / c - a / c^2 log(1 + c v / a) for dv/dt = -a - c v
+    for distance, grip in ((racer, 1.0), (wet_racer, SURFACES["asphalt"].wet_grip)):
+        sliding = 0.464 * 9.81 * grip
+        way = speed / drag - sliding / drag**2 * math.log(1.0 + drag * speed / sliding)
+        assert distance == pytest.approx(way, rel=0.02)
     # 0.1 becomes 0.0543 (Lekner and Dorf); in the air, rain of 18 mm/h takes 1.076 * 18^0.67 dB/km
     assert "LIDAR 8.7 m at 10 %" in wet
     assert "night" in wet

@@ -74,7 +74,7 @@ def test_the_end_of_a_slalom_converges_with_first_order_in_the_substep(vehicle: 
     constant = errors / (substeps - FINE)  # of the error h - FINE of a result of first order
     # the second order contributes, most with 2 ms
     assert constant[1:3] == pytest.approx(constant[0], rel=0.25)
-    assert constant[3] == pytest.approx(constant[0], rel=0.4)
+    assert constant[3] == pytest.approx(constant[0], rel=0.4 if vehicle in ("roboracer", "neoracer") else 0.25)
     assert figures(vehicle, 3) == pytest.approx(1e3 * errors, rel=0.06, abs=0.006)  # two digits
 
 

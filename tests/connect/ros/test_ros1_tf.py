@@ -19,8 +19,8 @@ def test_each_scan_can_be_transformed_before_the_next_one_comes(ros1_session: Ro
         ros1_session.probe() as probe,
     ):
         probe.transform("map", "lidar")
-        # some less: the machine may be so busy that messages are late; with the states alone it would be two or three
-        assert probe.join(f"{VEHICLE}/scan", "sensor_msgs/LaserScan", "map", 15) >= 10
+        # one less: the machine may be so busy that a message is late
+        assert probe.join(f"{VEHICLE}/scan", "sensor_msgs/LaserScan", "map", 15) >= 14
 
 
 def test_a_node_that_starts_in_a_pause_receives_transforms_and_the_description(ros1_session: Ros1) -> None:
