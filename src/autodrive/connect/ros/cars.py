@@ -96,19 +96,14 @@ ROBORACER_F1TENTH = replace(
     speed_limit=20.0,
     steering_limit=0.4189,
 )
-NEORACER = Car(
+NEORACER = replace(
+    ROBORACER,
     name="neoracer",
     wheelbase=0.285,
     wheel_radius=0.0425,
     speed_limit=6.137,
-    steering_limit=0.5236,
-    cameras=("front",),
     image_size=(640, 480),
     focal_length=528.70,
-    lidar_rays=1081,
-    lidar_angle_min=-135.0,
-    lidar_field_of_view=270.0,
-    lidar_range_min=0.06,
     lidar_range_max=25.0,
     lidar_rate=30.0,
 )
