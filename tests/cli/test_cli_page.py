@@ -24,8 +24,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+import autodrive
 from autodrive.base import jit
 from autodrive.base.cache import PACKAGE
+from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import Command, LoadScenario
 from autodrive.protocol.native import (
@@ -43,6 +45,7 @@ from autodrive.protocol.native import (
 )
 from autodrive.run import PageOptions, Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
+from autodrive.run.first_picture import FirstPicture
 from autodrive.run.runner import COMPILING
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world import World
@@ -158,13 +161,33 @@ def test_the_page_is_served_before_the_world_is_made_and_clients_are_told_what_i
                 may_compile.set()
                 while (starting := await_message(one, Starting)).share is None:
                     pass
-                assert (starting.stage, starting.part) == (COMPILING, "tyre force")
+                assert starting.stage == COMPILING
                 may_end.set()
                 assert await_message(one, Scene).scenario == "plane"
         finally:
             may_compile.set()
             may_end.set()
             run.result().end()
+
+
+def test_clients_can_draw_the_start_of_a_scenario_before_its_world_is_compiled() -> None:
+    options = RunOptions("traffic", seed=3)
+    world = autodrive.make("traffic", seed=3)
+    with SimulationServer(None, PageOptions(port=0)) as server, FirstPicture(server, options) as picture:
+        picture.begin()
+        with viewer(server.url) as early:
+            while (starting := await_message(early, Starting)).scene is None:
+                pass
+            assert starting.frame is not None
+            assert await_message(early, Starting).scene is None
+        base = server.url.partition("?")[0]
+        for path in (starting.scene.model, *(vehicle.model for vehicle in starting.scene.vehicles.values())):
+            with urllib.request.urlopen(base + path) as answer:
+                assert answer.read(4) == b"glTF"
+        poses = {name: vehicle.pose for name, vehicle in starting.frame.vehicles.items()}
+        assert poses.keys() == world.frame.vehicles.keys()
+        for name, vehicle in world.frame.vehicles.items():  # plain Python may round in another way than compiled code
+            assert poses[name].position == pytest.approx(vehicle.pose.position, abs=1e-9)
 
 
 def test_a_run_with_connected_clients_ends_at_once_and_closes_their_connections() -> None:

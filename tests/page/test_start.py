@@ -28,8 +28,8 @@ def test_the_page_says_what_the_simulator_compiles_until_it_has_a_world(
         server.starting = Starting("loading the world")
         tab.page.goto(server.url, wait_until="domcontentloaded")
         tab.wait_for_text("banner", "Loading the world.")
-        server.starting = Starting(COMPILING, "holding force", 0.4)
-        tab.wait_for_text("banner", "at the first start, 40 % (holding force)")
+        server.starting = Starting(COMPILING, 0.4, 62.0)
+        tab.wait_for_text("banner", "at the first start: about a minute left.")
         bar, banner = tab.get("starting"), tab.get("banner")
         assert bar.evaluate("(bar) => [bar.value, bar.offsetWidth > 0]") == [0.4, True]
         assert box(banner)["left"] >= 0

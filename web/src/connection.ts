@@ -100,6 +100,8 @@ export class Connection {
       case 'Starting':
         store.starting.value = message
         store.link.value = 'starting'
+        if (message.scene) this.setScene(message.scene)
+        if (message.frame) this.setFrame(message.frame)
         break
       case 'Welcome':
         this.refusal = ''
@@ -107,17 +109,7 @@ export class Connection {
         store.link.value = 'open'
         break
       case 'Scene':
-        if (mapOf(message) !== mapOf(store.scene.value))
-          for (const [vehicle, scan] of store.scans) this.outdated.set(vehicle, scan)
-        store.scans.clear()
-        store.cameraImages.clear()
-        store.drawings.clear()
-        store.drawingChanges.value += 1
-        store.shapes.value = null
-        store.contacts.value = {}
-        store.forceScale.value = 0
-        if (!(store.vehicle.value in message.vehicles)) store.vehicle.value = Object.keys(message.vehicles)[0] ?? ''
-        store.scene.value = message
+        this.setScene(message)
         break
       case 'Status':
         if (isOfOthers(message, store)) store.notice.value = `${message.change}.`
@@ -179,6 +171,21 @@ export class Connection {
       case 'End':
         this.post({ type: 'Taken' })
     }
+  }
+
+  private setScene(scene: Scene): void {
+    const store = this.store
+    if (mapOf(scene) !== mapOf(store.scene.value))
+      for (const [vehicle, scan] of store.scans) this.outdated.set(vehicle, scan)
+    store.scans.clear()
+    store.cameraImages.clear()
+    store.drawings.clear()
+    store.drawingChanges.value += 1
+    store.shapes.value = null
+    store.contacts.value = {}
+    store.forceScale.value = 0
+    if (!(store.vehicle.value in scene.vehicles)) store.vehicle.value = Object.keys(scene.vehicles)[0] ?? ''
+    store.scene.value = scene
   }
 
   private setFrame(frame: Frame): void {

@@ -825,46 +825,6 @@ export interface Request {
 }
 
 /**
- * Sent several times a second, before the Welcome, while the server makes its world: what it does.
- *
- * `part`: of that stage; empty: it has none. `share`: of the stage that is done, 0 to 1; None: not known.
- */
-export interface Starting {
-  type: 'Starting'
-  stage: string
-  part: string
-  share: number | null
-}
-
-/**
- * The run that a simulator belongs to.
- *
- * `id`: random; no other run has it. `user`: login name of who started it. `started`: when, in seconds since 1970 UTC.
- */
-export interface RunOrigin {
-  id: string
-  user: string
-  started: number
-}
-
-/**
- * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
- *
- * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
- * simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
- */
-export interface Welcome {
-  type: 'Welcome'
-  protocol: number
-  version: string
-  name: string
-  scenarios: Record<string, string>
-  folder: string
-  run: RunOrigin | null
-  title: string
-}
-
-/**
  * A lamp of a vehicle: position in the vehicle frame [m], linear RGB, range of its light [m].
  */
 export interface Lamp {
@@ -1032,191 +992,6 @@ export interface Scene {
 }
 
 /**
- * Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
- *
- * `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
- * (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
- */
-export interface CollisionShapes {
-  kind: BigInt64Array
-  size: Float64Array
-  position: Float64Array
-  rotation: Float64Array
-}
-
-/**
- * Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
- *
- * Sent once after each Scene.
- */
-export interface Shapes {
-  type: 'Shapes'
-  bodies: Record<string, CollisionShapes>
-  fixed: CollisionShapes
-  sensors: Record<string, Record<string, Pose>>
-}
-
-/**
- * State of the connection to a devkit script; `error` is the reason why there is none.
- */
-export interface BridgeStatus {
-  address: string
-  state: 'closed' | 'connecting' | 'connected'
-  error: string
-  telemetry_rate: number
-  command_rate: number
-  round_trip: number | null
-  devkit: string
-  note: string
-}
-
-/**
- * State of the recording that this simulator makes.
- */
-export interface RecordingStatus {
-  state: 'off' | 'recording' | 'keeping'
-  file: string
-  duration: number
-  size: number
-  dropped: number
-  error: string
-}
-
-/**
- * State of the simulation; sent four times a second, and at once when a setting changes.
- */
-export interface Status {
-  type: 'Status'
-  is_paused: boolean
-  speed: number | null
-  real_time_factor: number
-  late_ticks: number
-  clients: number
-  drivers: Record<string, string>
-  bridge: BridgeStatus
-  cameras_error: string
-  note: string
-  undo: string
-  redo: string
-  error: string
-  recording: RecordingStatus
-  position: number | null
-  change: string
-  changes: number
-  clock: number
-}
-
-/**
- * One scan. Ray i has the angle angle_min + i * angle_increment [rad] in the axes of the sensor, left positive.
- *
- * `ranges` [m], shape (n_ray,), as in REP 117: -inf is below range_min, +inf is no return within range_max.
- * `intensities`, shape (n_ray,). `time` is the time of the last ray; a rolling scan started `scan_time` earlier.
- * `time_increment` [s] between rays is 0 for an instantaneous scan. `scan_rate` [Hz].
- */
-export interface LidarScan {
-  time: number
-  ranges: Float64Array
-  intensities: Float64Array
-  angle_min: number
-  angle_increment: number
-  range_min: number
-  range_max: number
-  scan_rate: number
-  scan_time: number
-  time_increment: number
-}
-
-/**
- * A new LIDAR scan; sent before the first Frame that it belongs to.
- */
-export interface Scan {
-  type: 'Scan'
-  vehicle: string
-  scan: LidarScan
-}
-
-/**
- * A drawing of that name; it is shown before the simulated time `until` [s]. None: it was removed.
- */
-export interface Drawn {
-  type: 'Drawn'
-  name: string
-  drawing: Drawing | null
-  until: number
-}
-
-/**
- * Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
- *
- * `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
- * the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
- */
-export interface ContactForces {
-  parts: (string)[]
-  position: Float64Array
-  force: Float64Array
-}
-
-/**
- * Contact forces of each vehicle, of the latest tick; sent before a Frame.
- */
-export interface Contacts {
-  type: 'Contacts'
-  vehicles: Record<string, ContactForces>
-}
-
-/**
- * The pinhole model of a camera, in pixels.
- *
- * A point (x, y, z) in the optical frame is at u = cx + fx x / z, v = cy + fy y / z, from the upper left corner of
- * the image; pixel (0, 0) covers 0 to 1 in both. `distortion` k1, k2, p1, p2, k3 is applied to x / z and y / z first
- * (Brown-Conrady, same as OpenCV and ROS 'plumb_bob').
- */
-export interface CameraIntrinsics {
-  width: number
-  height: number
-  fx: number
-  fy: number
-  cx: number
-  cy: number
-  distortion: [number, number, number, number, number]
-}
-
-/**
- * A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to.
- */
-export interface Picture {
-  type: 'Picture'
-  vehicle: string
-  camera: string
-  time: number
-  pose: Pose
-  intrinsics: CameraIntrinsics
-  jpeg: Uint8Array
-}
-
-/**
- * An image of the scene camera that was set with `SetCamera`, at that simulated time [s].
- */
-export interface Rendered {
-  type: 'Rendered'
-  time: number
-  jpeg: Uint8Array
-}
-
-/**
- * What was requested with `ViewSensor`, at that simulated time [s].
- *
- * Depth has the colours of turbo from 0 to `farthest`, black beyond the last surface; labels those of
- * `Scene.label_colours`.
- */
-export interface SensorView {
-  type: 'SensorView'
-  time: number
-  jpeg: Uint8Array
-}
-
-/**
  * Rear wheels, left then right: `ticks` (int64, shape (2,)) and `angles` [rad], shape (2,); never wrap.
  */
 export interface EncoderReading {
@@ -1246,6 +1021,26 @@ export interface ImuReading {
   euler: Float64Array
   angular_velocity: Float64Array
   linear_acceleration: Float64Array
+}
+
+/**
+ * One scan. Ray i has the angle angle_min + i * angle_increment [rad] in the axes of the sensor, left positive.
+ *
+ * `ranges` [m], shape (n_ray,), as in REP 117: -inf is below range_min, +inf is no return within range_max.
+ * `intensities`, shape (n_ray,). `time` is the time of the last ray; a rolling scan started `scan_time` earlier.
+ * `time_increment` [s] between rays is 0 for an instantaneous scan. `scan_rate` [Hz].
+ */
+export interface LidarScan {
+  time: number
+  ranges: Float64Array
+  intensities: Float64Array
+  angle_min: number
+  angle_increment: number
+  range_min: number
+  range_max: number
+  scan_rate: number
+  scan_time: number
+  time_increment: number
 }
 
 /**
@@ -1279,6 +1074,23 @@ export interface WheelsReading {
   normal_load: Float64Array
   slip_ratio: Float64Array
   slip_angle: Float64Array
+}
+
+/**
+ * The pinhole model of a camera, in pixels.
+ *
+ * A point (x, y, z) in the optical frame is at u = cx + fx x / z, v = cy + fy y / z, from the upper left corner of
+ * the image; pixel (0, 0) covers 0 to 1 in both. `distortion` k1, k2, p1, p2, k3 is applied to x / z and y / z first
+ * (Brown-Conrady, same as OpenCV and ROS 'plumb_bob').
+ */
+export interface CameraIntrinsics {
+  width: number
+  height: number
+  fx: number
+  fy: number
+  cx: number
+  cy: number
+  distortion: [number, number, number, number, number]
 }
 
 /**
@@ -1473,6 +1285,197 @@ export interface Frame {
   weather: Weather | null
   weather_effects: WeatherEffects | null
   traffic_lights: Record<string, TrafficLightFrame>
+}
+
+/**
+ * Sent several times a second, before the Welcome, while the server makes its world: what it does.
+ *
+ * `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
+ * `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
+ */
+export interface Starting {
+  type: 'Starting'
+  stage: string
+  share: number | null
+  remaining: number | null
+  scene: Scene | null
+  frame: Frame | null
+}
+
+/**
+ * The run that a simulator belongs to.
+ *
+ * `id`: random; no other run has it. `user`: login name of who started it. `started`: when, in seconds since 1970 UTC.
+ */
+export interface RunOrigin {
+  id: string
+  user: string
+  started: number
+}
+
+/**
+ * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
+ *
+ * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
+ * simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
+ */
+export interface Welcome {
+  type: 'Welcome'
+  protocol: number
+  version: string
+  name: string
+  scenarios: Record<string, string>
+  folder: string
+  run: RunOrigin | null
+  title: string
+}
+
+/**
+ * Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
+ *
+ * `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
+ * (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
+ */
+export interface CollisionShapes {
+  kind: BigInt64Array
+  size: Float64Array
+  position: Float64Array
+  rotation: Float64Array
+}
+
+/**
+ * Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
+ *
+ * Sent once after each Scene.
+ */
+export interface Shapes {
+  type: 'Shapes'
+  bodies: Record<string, CollisionShapes>
+  fixed: CollisionShapes
+  sensors: Record<string, Record<string, Pose>>
+}
+
+/**
+ * State of the connection to a devkit script; `error` is the reason why there is none.
+ */
+export interface BridgeStatus {
+  address: string
+  state: 'closed' | 'connecting' | 'connected'
+  error: string
+  telemetry_rate: number
+  command_rate: number
+  round_trip: number | null
+  devkit: string
+  note: string
+}
+
+/**
+ * State of the recording that this simulator makes.
+ */
+export interface RecordingStatus {
+  state: 'off' | 'recording' | 'keeping'
+  file: string
+  duration: number
+  size: number
+  dropped: number
+  error: string
+}
+
+/**
+ * State of the simulation; sent four times a second, and at once when a setting changes.
+ */
+export interface Status {
+  type: 'Status'
+  is_paused: boolean
+  speed: number | null
+  real_time_factor: number
+  late_ticks: number
+  clients: number
+  drivers: Record<string, string>
+  bridge: BridgeStatus
+  cameras_error: string
+  note: string
+  undo: string
+  redo: string
+  error: string
+  recording: RecordingStatus
+  position: number | null
+  change: string
+  changes: number
+  clock: number
+}
+
+/**
+ * A new LIDAR scan; sent before the first Frame that it belongs to.
+ */
+export interface Scan {
+  type: 'Scan'
+  vehicle: string
+  scan: LidarScan
+}
+
+/**
+ * A drawing of that name; it is shown before the simulated time `until` [s]. None: it was removed.
+ */
+export interface Drawn {
+  type: 'Drawn'
+  name: string
+  drawing: Drawing | null
+  until: number
+}
+
+/**
+ * Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
+ *
+ * `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
+ * the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
+ */
+export interface ContactForces {
+  parts: (string)[]
+  position: Float64Array
+  force: Float64Array
+}
+
+/**
+ * Contact forces of each vehicle, of the latest tick; sent before a Frame.
+ */
+export interface Contacts {
+  type: 'Contacts'
+  vehicles: Record<string, ContactForces>
+}
+
+/**
+ * A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to.
+ */
+export interface Picture {
+  type: 'Picture'
+  vehicle: string
+  camera: string
+  time: number
+  pose: Pose
+  intrinsics: CameraIntrinsics
+  jpeg: Uint8Array
+}
+
+/**
+ * An image of the scene camera that was set with `SetCamera`, at that simulated time [s].
+ */
+export interface Rendered {
+  type: 'Rendered'
+  time: number
+  jpeg: Uint8Array
+}
+
+/**
+ * What was requested with `ViewSensor`, at that simulated time [s].
+ *
+ * Depth has the colours of turbo from 0 to `farthest`, black beyond the last surface; labels those of
+ * `Scene.label_colours`.
+ */
+export interface SensorView {
+  type: 'SensorView'
+  time: number
+  jpeg: Uint8Array
 }
 
 /**

@@ -477,12 +477,13 @@ describe('the banner', () => {
     const { store, connection, socket } = connectedPage()
     document.body.append(banner(store, new Actions(store, connection)))
     const bar = get('starting') as HTMLProgressElement
-    socket.receive({ type: 'Starting', stage: 'loading the world', part: '', share: null })
+    const unknown = { share: null, remaining: null, scene: null, frame: null }
+    socket.receive({ type: 'Starting', stage: 'loading the world', ...unknown })
     expect(get('banner').hidden).toBe(false)
     expect(get('banner').textContent).toContain('Loading the world.')
     expect(bar.hasAttribute('value')).toBe(false)
-    socket.receive({ type: 'Starting', stage: 'compiling', part: 'tyre force', share: 0.25 })
-    expect(get('banner').textContent).toContain('Compiling, 25 % (tyre force)')
+    socket.receive({ type: 'Starting', stage: 'compiling', ...unknown, share: 0.25, remaining: 62 })
+    expect(get('banner').textContent).toContain('Compiling: about a minute left.')
     expect([bar.hidden, bar.value, get('banner-reset').hidden]).toEqual([false, 0.25, true])
     socket.receive(welcome())
     expect([get('banner').hidden, bar.hidden]).toEqual([true, true])

@@ -31,10 +31,11 @@ Not for Windows.
 """
 
 
-def start_module(module: str, *, has_children: bool = False) -> subprocess.Popen[bytes]:
+def start_module(module: str, *, has_children: bool = False, **variables: str) -> subprocess.Popen[bytes]:
     """Run `main` of that module in a new Python, with pipes to its stdin and from its stdout.
 
-    `has_children`: it may start processes, which end with it; `terminate` ends all, `kill` does not.
+    `has_children`: it may start processes, which end with it; `terminate` ends all, `kill` does not. `variables`: more
+    variables of its environment.
     """
     process: subprocess.Popen[Any] = subprocess.Popen(
         # -P: a file in the user's folder must not replace one of our modules. Not -m: pickled classes of a module that
@@ -49,7 +50,7 @@ def start_module(module: str, *, has_children: bool = False) -> subprocess.Popen
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,  # graphics drivers print many warnings
-        env=environment(),
+        env=environment() | variables,
         **popen_options(),
     )
     if sys.platform == "linux":

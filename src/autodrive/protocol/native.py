@@ -191,12 +191,15 @@ ClientMessage: TypeAlias = Hello | Subscribe | Drive | Release | Request
 class Starting(msgspec.Struct, frozen=True, tag=True):
     """Sent several times a second, before the Welcome, while the server makes its world: what it does.
 
-    `part`: of that stage; empty: it has none. `share`: of the stage that is done, 0 to 1; None: not known.
+    `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
+    `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
     """
 
     stage: str
-    part: str = ""
     share: float | None = None
+    remaining: float | None = None
+    scene: Scene | None = None
+    frame: Frame | None = None
 
 
 class RunOrigin(msgspec.Struct, frozen=True):

@@ -67,7 +67,7 @@ class WorldLoader:
         is_edited = isinstance(scenario, Descriptions)
         name = self.scenario if is_edited else scenario
         with reading_only(self._refusal(name)):
-            compiled = compile_scenario(scenario if is_edited else self._spec(scenario))
+            compiled = compile_scenario(scenario if is_edited else self.spec(scenario))
         self._check_quality()
         when_read()
         world, cameras = self._make(compiled)
@@ -168,7 +168,7 @@ class WorldLoader:
         if self.cameras is not None:
             self.cameras.set_wanted(self._is_wanted)
 
-    def _spec(self, name: str) -> ScenarioSpec:
+    def spec(self, name: str) -> ScenarioSpec:
         """The scenario with driving mode, seed, weather and time of day of the options, so that a reset keeps them."""
         options = self._options
         spec = load_scenario(name)

@@ -37,7 +37,8 @@ class Row:
         self._pinned = Pinned(self.rows)
         self._time = np.zeros(1)
         self._readings = readings_of(self.rows.worlds, self._time, len(compiled.objects))
-        compile_ahead(sense, self._pinned, 0)  # beside `move`, which takes as long to compile
+        for stage in (sense, judge):  # beside `move`, which takes as long to compile
+            compile_ahead(stage, self._pinned, 0)
         self._move, self._judge = resolved(move, self._pinned, 0), resolved(judge, self._pinned, 0)
         self._sense = resolved(sense, self._pinned, 0)
         self._has_traffic = bool(compiled.fleet.names)

@@ -58,15 +58,16 @@ def test_a_client_gets_welcome_and_scene_before_the_first_frame(client: NativeCl
 
 
 def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one(simulation: Simulation) -> None:
+    unknown = dict.fromkeys(("share", "remaining", "scene", "frame"))
     with SimulationServer(None, PageOptions(port=free_port())) as server:
         with native_client(server, "early") as early:  # its Hello is sent now
-            assert early.receive() == {"type": "Starting", "stage": "starting", "part": "", "share": None}
+            assert early.receive() == {"type": "Starting", "stage": "starting", **unknown}
             early.send("Subscribe", frame_rate=7.0)
             assert early.socket.ping().wait(LIMIT)
-            server.starting = Starting("compiling", "tyre force", 0.25)
+            server.starting = Starting("compiling", 0.25, 12.0)
             while (message := early.receive())["stage"] == "starting":
                 pass
-            assert message == {"type": "Starting", "stage": "compiling", "part": "tyre force", "share": 0.25}
+            assert message == {"type": "Starting", "stage": "compiling", **unknown, "share": 0.25, "remaining": 12.0}
             server.serve(Served(simulation, scene_files))
             while (message := early.receive())["type"] == "Starting":
                 pass

@@ -13,9 +13,15 @@ function lost(store: Store): string {
 }
 
 /** What the simulator does before it has a world. */
-function starting({ stage, part, share }: Starting): string {
-  const done = share === null ? '' : `, ${Math.round(100 * share)} %`
-  return sentence(`${stage}${done}${part && ` (${part})`}`)
+function starting({ stage, remaining }: Starting): string {
+  return sentence(`${stage}${remaining === null ? '' : `: ${timeLeft(remaining)}`}`)
+}
+
+/** A time [s] as an estimate in words. */
+function timeLeft(time: number): string {
+  if (time > 90) return `about ${Math.round(time / 60)} minutes left`
+  if (time > 45) return 'about a minute left'
+  return time > 20 ? 'about half a minute left' : 'a few seconds left'
 }
 
 /** Delay before the first message [ms]; most connections open sooner. */

@@ -42,9 +42,10 @@ export class Outbox {
     switch (message.type) {
       case 'Frame':
       case 'Status':
-      case 'Starting':
       case 'Rendered':
         return `${this.count} ${message.type}`
+      case 'Starting':
+        return message.scene ? String(++this.count) : `${this.count} Starting`
       case 'Drawn':
         return `${this.count} Drawn ${message.name}`
       case 'Scan':

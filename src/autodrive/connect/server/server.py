@@ -13,9 +13,10 @@ import time
 from collections import deque
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
+from msgspec.structs import replace
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
@@ -24,14 +25,19 @@ from autodrive.connect.client.last_run import user_name
 from autodrive.connect.client.target import port_of_environment
 from autodrive.connect.server.access import AccessPolicy, checked_token, is_loopback
 from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol
-from autodrive.connect.server.files import page_files
+from autodrive.connect.server.files import ServedFile, immutable_files, page_files
 from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.web import Receive, Scope, Send, WebApplication
-from autodrive.protocol.codec import encode
+from autodrive.protocol.codec import encode, streamed
 from autodrive.protocol.messages import MAX_TEXT
 from autodrive.protocol.native import SUBPROTOCOL, RunOrigin, Starting
 from autodrive.protocol.ports import PORT
+
+if TYPE_CHECKING:
+    from autodrive.protocol.messages import Frame
+    from autodrive.protocol.native import Scene
+    from autodrive.world.views.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 
@@ -69,6 +75,8 @@ class SimulationServer:
         self._hub = None if served is None else Hub(served, self.origin)
         self.starting = Starting("starting")
         """What clients are told while nothing is served; may be set in any thread."""
+        self._still: tuple[Scene, Frame] | None = None
+        self._still_files: dict[str, ServedFile] = {}
         self._thread: threading.Thread | None = None
         self.web_server: uvicorn.Server | None = None
 
@@ -114,6 +122,11 @@ class SimulationServer:
         self._thread.start()
         is_ready.wait()
 
+    def show(self, scene_files: SceneFiles, frame: Frame) -> None:
+        """Let clients draw that world until one is served; may be called in any thread."""
+        self._still_files = immutable_files(scene_files.files, "scene")
+        self._still = scene_files.scene, streamed(frame, ())
+
     def serve(self, served: Served) -> None:
         """Serve a simulation from now on. The server was started without one."""
         hub = Hub(served, self.origin)
@@ -141,7 +154,7 @@ class SimulationServer:
         page = {} if self._page is None else page_files(self._page)
         application = WebApplication(
             self._policy,
-            lambda path: page.get(path) or (self._hub.files.get(path) if self._hub else None),
+            lambda path: page.get(path) or (self._hub and self._hub.files.get(path)) or self._still_files.get(path),
             self._serve_client,
         )
         config = uvicorn.Config(
@@ -190,9 +203,14 @@ class SimulationServer:
                 size += len(early[-1].get("bytes") or early[-1].get("text") or "")
 
         reading = asyncio.create_task(read())
+        is_shown = False
         try:
             while self._hub is None:
-                await send({"type": "websocket.send", "bytes": encode(self.starting)})
+                message = self.starting
+                if self._still and not is_shown:
+                    is_shown, (scene, frame) = True, self._still
+                    message = replace(message, scene=scene, frame=frame)
+                await send({"type": "websocket.send", "bytes": encode(message)})
                 await asyncio.sleep(STARTING_INTERVAL)
         finally:
             reading.cancel()
