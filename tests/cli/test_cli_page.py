@@ -45,6 +45,7 @@ from autodrive.protocol.native import (
 )
 from autodrive.run import PageOptions, Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
+from autodrive.run.compile_later import compile_later
 from autodrive.run.first_picture import FirstPicture
 from autodrive.run.runner import COMPILING
 from autodrive.run.world_loader import WorldLoader
@@ -188,6 +189,13 @@ def test_clients_can_draw_the_start_of_a_scenario_before_its_world_is_compiled()
         assert poses.keys() == world.frame.vehicles.keys()
         for name, vehicle in world.frame.vehicles.items():  # plain Python may round in another way than compiled code
             assert poses[name].position == pytest.approx(vehicle.pose.position, abs=1e-9)
+
+
+@pytest.mark.process
+def test_what_a_run_may_need_later_is_compiled_by_a_process_that_ends_when_it_is_done() -> None:
+    process = compile_later()
+    assert process is not None
+    assert process.wait(5 * LIMIT) == 0  # it has the lowest priority
 
 
 def test_a_run_with_connected_clients_ends_at_once_and_closes_their_connections() -> None:

@@ -20,6 +20,7 @@ LOADED = "--loaded"
 def compile_() -> None:
     """Compile what runs, races and batches need, before the first start: for containers and array jobs."""
     from autodrive.base import jit
+    from autodrive.run.compile_later import use
 
     names: list[str] = []
 
@@ -65,6 +66,7 @@ def loaded() -> list[Path]:
 def print_loaded() -> None:
     """Call everything, and print the files that the cache had."""
     from autodrive.base import jit
+    from autodrive.run.compile_later import use
 
     used: list[Path] = []
     read = jit.read_cached
@@ -77,33 +79,6 @@ def print_loaded() -> None:
     jit.read_cached = noted
     use()
     print(*used, sep="\n")
-
-
-def use() -> None:
-    """Call what is to be compiled."""
-    import autodrive
-    from autodrive.scenario.scenario import TrafficSpec
-    from autodrive.scenario.v2x import V2xSpec
-
-    noisy = autodrive.ScenarioSpec(
-        map="mini_map",
-        vehicles={
-            "V1": autodrive.VehiclePlacement(has_realistic_sensors=True),
-            "V2": autodrive.VehiclePlacement(x=1.0),
-        },
-        v2x=V2xSpec(jitter=0.01, position_noise=0.01),
-    )
-    beside = {"V1": autodrive.VehiclePlacement(y=1.15)}
-    traffic = autodrive.ScenarioSpec(map="oval", vehicles=beside, traffic=TrafficSpec(cars=2))
-    for scenario in (noisy, "tiny_town", traffic, "practice"):  # tiny_town: stop lines; practice: a race
-        world = autodrive.make(scenario)
-        for _ in range(50):  # in half a second each sensor samples
-            world.step({})
-    autodrive.BatchWorld("mini_map", n=2).step([[[0.0, 0.0]]] * 2)
-    try:
-        autodrive.make("mini_map", cameras=True).step({})
-    except autodrive.GlUnavailable as error:
-        print(f"without the code of the cameras: {error}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -41,6 +41,11 @@ class FirstPicture:
             self._process = start_module(__name__, NUMBA_DISABLE_JIT="1")
             threading.Thread(target=self._show, args=(self._process, self._server.show), daemon=True).start()
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether something had to be compiled."""
+        return self._process is not None
+
     def _show(self, process: subprocess.Popen[bytes], show: Callable[[SceneFiles, Frame], None]) -> None:
         assert process.stdin is not None
         assert process.stdout is not None

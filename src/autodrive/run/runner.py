@@ -22,6 +22,7 @@ from autodrive.connect.client.last_run import NotedRun
 from autodrive.connect.server.files import built_page
 from autodrive.protocol.native import Starting
 from autodrive.protocol.ports import DEVKIT_PORT
+from autodrive.run.compile_later import compile_later
 from autodrive.run.first_picture import FirstPicture
 from autodrive.run.options import RunOptions
 from autodrive.run.recordings import ClientRecordings
@@ -205,6 +206,8 @@ def opened(
 
     with FirstPicture(server, options) as picture, compiling(_told(observer, server, picture)):
         world = loader.load(options.scenario, begin_to_serve)
+    if picture.has_begun and (process := compile_later()):
+        stack.callback(process.kill)
     simulation = Simulation(
         world,
         speed=options.speed,
