@@ -3,8 +3,8 @@
 The order of a tick: the drivers of the traffic write their commands (`drive_traffic`), the bodies move (`move`), the
 rules judge what has happened (`judge`), the sensors sample and the radio sends and delivers (`sense`).
 
-Each stage gets all `Rows` as a `Pinned`, and the number k of a world. A World calls the stages with 0; a batch calls
-`step_worlds`, which calls them for all of its worlds.
+A World calls each stage with its `Rows` as a `Pinned` and the number 0. A batch takes them from its `Pinned` once, for
+all worlds k, and calls what the stages call.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ from autodrive.world.rules import collisions, radio, rules
 from autodrive.world.rules.traffic import rule as traffic
 
 
-@jit_uncounted
-def drive_traffic(pinned: Pinned[Rows], k: int) -> None:
+@inlined
+def _drive_traffic(rows: Rows, k: int) -> None:
     """Write what the vehicles of the traffic obey in this tick."""
-    rows = held(pinned)
     worlds = rows.worlds
     traffic.command(
         k,
@@ -42,10 +41,9 @@ def drive_traffic(pinned: Pinned[Rows], k: int) -> None:
     )
 
 
-@jit_uncounted
-def move(pinned: Pinned[Rows], k: int) -> bool:
+@inlined
+def _move(rows: Rows, k: int) -> bool:
     """Move the bodies by a tick; False if the physics has diverged."""
-    rows = held(pinned)
     worlds, thread = rows.worlds, rows.thread
     model, state = model_of(k, rows.model, worlds), state_of(k, worlds, thread)
     if rows.has_rolling_lidar == 1:
@@ -66,10 +64,9 @@ def move(pinned: Pinned[Rows], k: int) -> bool:
     return is_sound
 
 
-@jit_uncounted
-def judge(pinned: Pinned[Rows], k: int) -> bool:
+@inlined
+def _judge(rows: Rows, k: int) -> bool:
     """Let the rules judge the tick that has ended; True if a World has events."""
-    rows = held(pinned)
     worlds, thread, tick = rows.worlds, rows.thread, int(rows.worlds.tick[k])
     return rules.judge(
         k,
@@ -84,10 +81,9 @@ def judge(pinned: Pinned[Rows], k: int) -> bool:
     )
 
 
-@jit_uncounted
-def sense(pinned: Pinned[Rows], k: int) -> bool:
+@inlined
+def _sense(rows: Rows, k: int) -> bool:
     """Sample the sensors that are due, and let the radio send and deliver; True if a vehicle heard something."""
-    rows = held(pinned)
     worlds, thread, tick = rows.worlds, rows.thread, int(rows.worlds.tick[k])
     state, now = state_of(k, worlds, thread), tick * rows.substeps
     sample(
@@ -105,10 +101,9 @@ def sense(pinned: Pinned[Rows], k: int) -> bool:
     return radio.transmit(k, tick, _time(rows, tick), state, lights, rows.rules.radio, worlds.rules.radio, messages)
 
 
-@jit_uncounted
-def show_lights(pinned: Pinned[Rows], k: int) -> None:
+@inlined
+def _show_lights(rows: Rows, k: int) -> None:
     """Let the traffic lights show what they show now."""
-    rows = held(pinned)
     tick = int(rows.worlds.tick[k])
     rules.show_lights(k, tick, _time(rows, tick), rows.rules, rows.worlds.rules)
 
@@ -131,13 +126,13 @@ def step_worlds(pinned: Pinned[Rows], is_stepped: NDArray[np.bool_], first: int,
             for kind in range(thread.views.warnings.shape[0]):
                 thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
             if worlds.rules.traffic.shape[1] > 0:
-                drive_traffic(pinned, k)
-            if not move(pinned, k):
+                _drive_traffic(rows, k)
+            if not _move(rows, k):
                 collisions.forget(thread.contacts)
                 worlds.is_unstable[k] = True
                 break
-            judge(pinned, k)
-            sense(pinned, k)
+            _judge(rows, k)
+            _sense(rows, k)
 
 
 @jit_uncounted
@@ -150,8 +145,38 @@ def begin_worlds(pinned: Pinned[Rows], chosen: Integers) -> None:
         for b in range(state.asleep.shape[0]):
             state.asleep[b] = AWAKE
         observe(model_of(k, rows.model, rows.worlds), state)
-        show_lights(pinned, k)
-        sense(pinned, k)
+        _show_lights(rows, k)
+        _sense(rows, k)
+
+
+@jit_uncounted
+def drive_traffic(pinned: Pinned[Rows], k: int) -> None:
+    """The stage `_drive_traffic`."""
+    _drive_traffic(held(pinned), k)
+
+
+@jit_uncounted
+def move(pinned: Pinned[Rows], k: int) -> bool:
+    """The stage `_move`."""
+    return _move(held(pinned), k)
+
+
+@jit_uncounted
+def judge(pinned: Pinned[Rows], k: int) -> bool:
+    """The stage `_judge`."""
+    return _judge(held(pinned), k)
+
+
+@jit_uncounted
+def sense(pinned: Pinned[Rows], k: int) -> bool:
+    """The stage `_sense`."""
+    return _sense(held(pinned), k)
+
+
+@jit_uncounted
+def show_lights(pinned: Pinned[Rows], k: int) -> None:
+    """The stage `_show_lights`."""
+    _show_lights(held(pinned), k)
 
 
 @inlined
