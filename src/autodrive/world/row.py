@@ -37,11 +37,11 @@ class Row:
         self._pinned = Pinned(self.rows)
         self._time = np.zeros(1)
         self._readings = readings_of(self.rows.worlds, self._time, len(compiled.objects))
-        for stage in (sense, judge):  # beside `move`, which takes as long to compile
+        self._has_traffic = bool(compiled.fleet.names)
+        for stage in (sense, *[drive_traffic] * self._has_traffic, judge):  # beside `move`, which takes longest
             compile_ahead(stage, self._pinned, 0)
         self._move, self._judge = resolved(move, self._pinned, 0), resolved(judge, self._pinned, 0)
         self._sense = resolved(sense, self._pinned, 0)
-        self._has_traffic = bool(compiled.fleet.names)
         self._drive_traffic = resolved(drive_traffic, self._pinned, 0) if self._has_traffic else drive_traffic
         self._show_lights = resolved(show_lights, self._pinned, 0) if compiled.map.traffic_lights else None
         self.hear()
