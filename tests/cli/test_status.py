@@ -18,6 +18,7 @@ from rich.console import Console
 
 from autodrive.cli.narrated import narrated
 from autodrive.cli.status import StatusDisplay
+from autodrive.run.runner import COMPILED_FUNCTIONS
 from tests.support.waiting import wait_until
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "progress"
@@ -144,4 +145,4 @@ def test_without_a_terminal_the_compilation_prints_counts_every_5_s() -> None:
     texts = [text for _, text in clock.lines]
     assert texts[:2] == ["loading the world, 3 s", "loading the world, 6 s"]
     assert texts[3].startswith("compiling the physics for this machine")
-    assert texts[4] == "compiling 2 of about 200 functions, 13 s"
+    assert texts[4] == f"compiling 2 of about {COMPILED_FUNCTIONS} functions, 13 s"

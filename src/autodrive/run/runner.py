@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import count
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -46,8 +46,8 @@ Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
 
 COMPILING = "preparing the physics, only at the first start"
-COMPILED_FUNCTIONS = 247
-"""Number of functions that the first start compiles."""
+COMPILED_FUNCTIONS, COMPILED_FOR_TRAFFIC = 247, 48
+"""Number of functions that the first start compiles, and how many more it compiles for a scenario with traffic."""
 COMPILED_SHARE = (0.0, 0.5, 0.85, 0.95, 1.0), (0.0, 0.45, 0.63, 0.77, 0.97)
 """Share of them that is compiled, and share of the time that has passed by then: large functions come last."""
 MIN_ELAPSED = 3.0
@@ -204,7 +204,7 @@ def opened(
             note.write(server.address)
             observer.serving(server.url)
 
-    with FirstPicture(server, options) as picture, compiling(_told(observer, server, picture)):
+    with FirstPicture(server, options) as picture, compiling(_told(observer, server, picture, loader)):
         world = loader.load(options.scenario, begin_to_serve)
     if picture.has_begun and (process := compile_later()):
         stack.callback(process.kill)
@@ -246,14 +246,21 @@ def opened(
     return run
 
 
-def _told(observer: RunObserver, server: SimulationServer | None, picture: FirstPicture) -> Callable[[str], None]:
+def _told(
+    observer: RunObserver, server: SimulationServer | None, picture: FirstPicture, loader: WorldLoader
+) -> Callable[[str], None]:
     """Tells the observer and the clients that a function is compiled; the picture is made as soon as one is."""
     numbers, begin = count(1), time.monotonic()
+
+    @cache
+    def expected() -> int:
+        has_traffic = bool(loader.spec(loader.scenario).traffic.names)
+        return COMPILED_FUNCTIONS + COMPILED_FOR_TRAFFIC * has_traffic
 
     def tell(function: str) -> None:
         observer.compiled(function)
         if server is not None:
-            share = float(np.interp(next(numbers) / COMPILED_FUNCTIONS, *COMPILED_SHARE))
+            share = float(np.interp(next(numbers) / expected(), *COMPILED_SHARE))
             elapsed = time.monotonic() - begin
             server.starting = Starting(COMPILING, share, elapsed / share - elapsed if elapsed > MIN_ELAPSED else None)
             picture.begin()
