@@ -1,6 +1,7 @@
 """Recordings: what a World did, in one MCAP file that is read, replayed, compared, and simulated again.
 
-`Recorder` writes, `open` reads; `autodrive run --record FILE.mcap` records a run. The file is a standard MCAP file (https://mcap.dev), which Foxglove, Lichtblick and Rerun open.
+`Recorder` writes, `open` reads; `autodrive run --record FILE.mcap` records a run. The file is a standard MCAP file
+(https://mcap.dev), which Foxglove, Lichtblick and Rerun open.
 
 Time. `log_time` of a message is the simulated time since the start of the recording [ns]; a reset does not set it
 back, so it never decreases. `publish_time` is the simulated time of the Frame, which a reset sets back. `sequence` is
