@@ -26,6 +26,7 @@ class FirstPicture:
     def __init__(self, server: SimulationServer | None, options: RunOptions) -> None:
         self._server, self._options = server, options
         self._process: subprocess.Popen[bytes] | None = None
+        self._beginning = threading.Lock()
 
     def __enter__(self) -> FirstPicture:
         return self
@@ -37,9 +38,10 @@ class FirstPicture:
 
     def begin(self) -> None:
         """Make the picture in the background; does nothing if that has begun, or without a server."""
-        if self._process is None and self._server is not None:
-            self._process = start_module(__name__, NUMBA_DISABLE_JIT="1")
-            threading.Thread(target=self._show, args=(self._process, self._server.show), daemon=True).start()
+        with self._beginning:  # each process that compiles reports its functions in a thread of its own
+            if self._process is None and self._server is not None:
+                self._process = start_module(__name__, NUMBA_DISABLE_JIT="1")
+                threading.Thread(target=self._show, args=(self._process, self._server.show), daemon=True).start()
 
     @property
     def has_begun(self) -> bool:

@@ -207,6 +207,7 @@ def opened(
     with FirstPicture(server, options) as picture, compiling(_told(observer, server, picture, loader)):
         world = loader.load(options.scenario, begin_to_serve)
     if picture.has_begun and (process := compile_later()):
+        stack.callback(process.wait)
         stack.callback(process.kill)
     simulation = Simulation(
         world,
