@@ -11,8 +11,12 @@ RUN if [ -n "$DEBIAN_MIRROR" ]; then \
     apt-get update -q && apt-get install -y -q --no-install-recommends ca-certificates python3 && \
     rm -rf /var/lib/apt/lists/*
 
-FROM python AS builder
-RUN apt-get update -q && apt-get install -y -q --no-install-recommends python3-venv
+FROM python AS graphics
+RUN apt-get update -q && apt-get install -y -q --no-install-recommends libegl1 libgl1 libgl1-mesa-dri && \
+    rm -rf /var/lib/apt/lists/*
+
+FROM graphics AS builder
+RUN apt-get update -q && apt-get install -y -q --no-install-recommends binutils python3-venv
 ARG PIP_INDEX_URL
 RUN python3 -m venv /opt/uv && /opt/uv/bin/pip install -q uv
 ENV PATH=/opt/uv/bin:$PATH UV_LINK_MODE=copy
@@ -21,7 +25,7 @@ FROM builder AS built
 WORKDIR /source
 COPY . .
 # The packages have the versions and hashes of uv.lock, from any index; then the physics is compiled for any x86-64
-# processor with AVX2. On other processors the first start compiles it.
+# processor with AVX2; on other processors the first start compiles it. What only tests and debuggers use is removed.
 RUN uv venv -q --python /usr/bin/python3 /opt/autodrive && \
     uv export -q --frozen --no-dev --extra envs --no-emit-project -o /opt/locked.txt && \
     uv pip install -q --python /opt/autodrive/bin/python ${PIP_INDEX_URL:+--index-url "$PIP_INDEX_URL"} \
@@ -32,6 +36,8 @@ RUN uv venv -q --python /usr/bin/python3 /opt/autodrive && \
         autodrive/bin/python -m autodrive.cli.compiled /opt/compiled && \
         mv /opt/compiled autodrive/lib/python3.11/site-packages/autodrive/; \
     fi && \
+    find autodrive/lib \( -name __pycache__ -o -path "*/numba*/tests" -o -path "*/numpy*/tests" \) -prune -exec rm -r {} + && \
+    find autodrive/lib -name "*.so" -exec strip --strip-unneeded {} + && \
     autodrive/bin/python -m compileall -q autodrive/lib
 
 FROM builder AS script-packages
@@ -46,9 +52,7 @@ USER 10001:10001
 EXPOSE 4567
 ENTRYPOINT ["/opt/script/bin/python", "/script/follow_loop.py"]
 
-FROM python AS simulator
-RUN apt-get update -q && apt-get install -y -q --no-install-recommends libegl1 libgl1 libgl1-mesa-dri && \
-    rm -rf /var/lib/apt/lists/*
+FROM graphics AS simulator
 COPY --from=built /opt/autodrive /opt/autodrive
 ENV PATH=/opt/autodrive/bin:$PATH
 USER 10001:10001
