@@ -37,6 +37,7 @@ import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
 import { askPicture } from './panels/picture_dialog'
 import { mayDiscard, saveScenario } from './panels/save_dialog'
+import { start } from './panels/start'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
@@ -48,6 +49,7 @@ import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
+import { Scenarios } from './scenarios'
 import { listenToFlyPointer } from './scene/flight'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
@@ -119,7 +121,8 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
 }
 
 const bar = toolbar(store, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open, save)
+const scenarios = new Scenarios(store, connection, () => mayDiscard(store, 'Another scenario', save))
+const mainMenu = menu(store, connection, actions, programs.open, scenarios)
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)
@@ -131,12 +134,8 @@ const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
-const hints = [
-  banner(store, actions),
-  modeHint(store, actions),
-  streamNote(store),
-  firstSteps(programs.open, keys.toggle),
-]
+const state = banner(store, actions)
+const hints = [state, modeHint(store, actions), streamNote(store), firstSteps(programs.open, keys.toggle)]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
@@ -152,7 +151,9 @@ canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
 const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
-document.body.append(...edit(store, editor, view, save))
+const [still, startScreen] = start(store, actions, scenarios, openFiles, state)
+canvas.after(still)
+document.body.append(startScreen, ...edit(store, editor, view, save))
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
 document.body.append(...build(store, builder, editor, view, files, vehicleEvents))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
