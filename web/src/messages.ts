@@ -1408,6 +1408,7 @@ export interface Status {
   change: string
   changes: number
   clock: number
+  refused: Record<string, string>
 }
 
 /**

@@ -10,6 +10,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
+import { busy, disableWhenRefused } from './pending'
 import { rangeScale } from './range_scale'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
@@ -74,6 +75,9 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   const modeButton = h('button', { testid: 'mode', onclick: () => actions.toggleMode() }, 'Driving Mode')
   const vehicle = choice('vehicle', (name) => (store.vehicle.value = name))
   const vehicleField = labelled('Vehicle', vehicle)
+  const reset = h('button', { testid: 'reset', onclick: () => void busy(reset, () => actions.reset()) }, 'Reset')
+  disableWhenRefused(store, reset, 'Reset')
+  disableWhenRefused(store, modeButton, 'SetDrivingMode')
 
   function show(): void {
     const frame = store.frame.value
@@ -99,7 +103,7 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   return section(
     'Simulator',
     vehicleField,
-    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
+    live(row(reset, timeText(store))),
     live(row(modeButton, mode)),
     row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
     live(row(lightButton, light)),
@@ -147,6 +151,8 @@ function time(store: Store, actions: Actions): HTMLElement {
     { testid: 'step', title: 'Run this number of ticks, then pause (key {KeyN}: one tick)', onclick: run },
     'Step',
   )
+  disableWhenRefused(store, step, 'Step')
+  disableWhenRefused(store, pause, 'Pause')
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
     void actions.request({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })
@@ -172,11 +178,12 @@ function scenario(store: Store, scenarios: Scenarios): HTMLElement {
     { testid: 'all-scenarios', class: 'live', onclick: () => (store.isStartOpen.value = true) },
     'All scenarios',
   )
+  for (const one of [select, showAll]) disableWhenRefused(store, one, 'LoadScenario')
 
   function show(): void {
     const { titles, loading } = scenarios
     setOptions(select, titles)
-    select.disabled = loading.value !== ''
+    select.disabled = loading.value !== '' || 'LoadScenario' in store.refused.value
     const present = loading.value || store.scene.value?.scenario
     if (present) select.value = present
     const activity = store.status.value?.note
