@@ -52,7 +52,7 @@ window.drawFilm = () => new Promise((drawn) => frame((now) => {
   for (const draw of all) draw(now)
   drawn()
 }))
-localStorage.setItem('autodrive.first-steps', 'seen')
+localStorage.setItem('autodrive.tour', 'seen')
 addEventListener('DOMContentLoaded', () => {
   const add = (id, style) => {
     const one = document.body.appendChild(document.createElement('div'))

@@ -52,6 +52,11 @@ export function gear(vehicle: VehicleFrame): 'D' | 'R' {
   return Math.round(rpm * 10) < 0 ? 'R' : 'D'
 }
 
+/** For example '0.42 m/s'. */
+export function speedText(vehicle: VehicleFrame): string {
+  return `${fixed(Math.abs(vehicle.velocity[0]))} m/s`
+}
+
 /** Yaw of the LIDAR in the vehicle frame [rad]. */
 export function yawOf(lidar: Pose | null | undefined): number {
   const [w = 1, x = 0, y = 0, z = 0] = lidar?.orientation ?? []
