@@ -68,7 +68,7 @@ def test_the_python_program_that_is_copied_drives(plane: PageServer, new_tab: Ne
         tab.show("menu", tab="programs")
         tab.click("programs")
         tab.click("copy")
-        tab.wait_for_text("snippet-copied", "Copied")
+        tab.wait_until(lambda: tab.get("copy").get_attribute("data-copied") == "true")
         program = tab.page.evaluate("() => navigator.clipboard.readText()")
         assert program == snippet(tab, "Python")
         file = tmp_path / "drive.py"

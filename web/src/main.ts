@@ -41,6 +41,7 @@ import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { tour } from './panels/tour'
 import { track } from './panels/track'
 import { VehicleEvents } from './panels/vehicle_events'
 import { requestRemoteView } from './remote_view'
@@ -63,11 +64,12 @@ const worker = new Worker(new URL('./worker/worker.ts', import.meta.url), { type
 const connection = new Connection(store, worker)
 const actions = new Actions(store, connection)
 const driver = new Driver(store, connection)
-const keys = help()
+const keys = help(() => guide.start())
 const trails = new Trails()
 const proposeFromLink = askAboutLinkChanges(store)
 followViewInLink(store, actions, proposeFromLink)
 const programs = connectDialog(store)
+const guide = tour(store, programs.open)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
 const trackBuilder = new TrackBuilder(store, actions)
@@ -127,7 +129,7 @@ const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
 const hints = [banner(store, actions), modeHint(store, actions), streamNote(store)]
-document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
   dock,

@@ -79,7 +79,7 @@ describe('the menu', () => {
     store.isMenuOpen.value = true
     store.frame.value = frameOf(['V1'], { weather, weather_effects: effects })
     expect(get('weather-numbers').textContent).toBe(
-      'Grip 0.71, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
+      'Grip of the tyres 0.71 of that on dry ground, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
     expect(socket.request).toEqual({ type: 'DescribeWeather' })
     expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')
@@ -112,6 +112,12 @@ describe('the menu', () => {
     store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
     expect(clock.getAttribute('aria-valuetext')).toBe('18:30')
     expect(get('time-of-day-text').textContent).toBe('18:30')
+    store.frame.value = frameOf(['V1'], { time_of_day: null })
+    expect(get('time-of-day-text').textContent).toBe('Day')
+    store.frame.value = frameOf(['V1'], { time_of_day: null, scene_light: false })
+    expect(get('time-of-day-text').textContent).toBe('Night')
+    expect(get('time-of-day').title).toContain('a fixed light')
+    store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
     expect(get('weather-numbers').textContent).toContain('Clear')
     vi.restoreAllMocks()
   })
@@ -458,6 +464,9 @@ describe('an error', () => {
     expect(document.querySelectorAll('.notice').length).toBe(1)
     get('notice-copy').click()
     expect(copied).toHaveBeenCalledWith("pip install 'autodrive-simulator[recording]'")
+    await vi.waitFor(() => expect(get('notice-copy').textContent).toBe('Copied'))
+    vi.advanceTimersByTime(2000)
+    expect(get('notice-copy').textContent).toBe('Copy')
     get('notice-close').click()
     expect(document.querySelectorAll('.notice').length).toBe(0)
     store.error.value = 'no command here: nothing to copy'
@@ -602,7 +611,7 @@ test('a page of another version offers to reload, whatever the connection does',
 
 describe('the help', () => {
   test('opens and closes, and lists every key', () => {
-    const { element, toggle } = help()
+    const { element, toggle } = help(() => {})
     document.body.append(element)
     toggle()
     expect(element.open).toBe(true)

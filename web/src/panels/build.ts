@@ -91,7 +91,7 @@ function bar(
     undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
     redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
-    details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
+    details: barButton('build-details', 'Panel', DETAILS, 'Show the pieces and the problems', () => {
       isPanelOpen.value = !isPanelOpen.value
     }),
     done: h(

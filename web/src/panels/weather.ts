@@ -80,8 +80,10 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     intensity.disabled = kindOf(shown) === 'sunny'
     for (const { name, input } of amounts) showValue(input, shown[name], `${Math.round(100 * shown[name])} %`)
     setText(numbers, inNumbers(frame?.weather_effects ?? null, shown))
-    const isFixed = frame?.time_of_day == null
-    clock.show(isFixed ? (frame?.scene_light === false ? 0 : DAY / 2) : (frame.time_of_day ?? 0) / 60, !isFixed)
+    const time = frame?.time_of_day ?? null
+    const isNight = frame?.scene_light === false
+    if (time === null) clock.show(isNight ? 0 : DAY / 2, isNight ? 'Night' : 'Day')
+    else clock.show(time / 60)
     showSpeed(frame)
     describe(frame)
     paint()
@@ -143,7 +145,12 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     'Weather',
     presets.element,
     labelled('Intensity', intensity),
-    h('div', { class: 'day' }, clock.element, speeds.element),
+    h(
+      'div',
+      { class: 'day' },
+      clock.element,
+      h('div', { class: 'named' }, h('span', {}, 'Time passes'), speeds.element),
+    ),
     row(lightButton, light),
     numbers,
     lines,
@@ -201,10 +208,10 @@ function speedOf(frame: Frame, before: Frame): string {
   return SPEEDS.find(([value]) => Math.abs(rate - Number(value)) <= Math.max(1, 0.1 * Number(value)))?.[0] ?? ''
 }
 
-/** For example 'Grip 0.71, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
+/** For example 'Grip of the tyres 0.71 of that on dry ground, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
 export function inNumbers(effects: WeatherEffects | null, weather: Weather): string {
-  if (!effects) return 'Clear: full grip, full range, full sight'
-  const parts = [`Grip ${effects.grip.toFixed(2)}`]
+  if (!effects) return 'Clear: the tyres have full grip, the LIDAR has its full range, the sight is full'
+  const parts = [`Grip of the tyres ${effects.grip.toFixed(2)} of that on dry ground`]
   const ranges = [effects.lidar_dark, effects.lidar_bright].map((range) => range?.toFixed(1))
   if (effects.lidar_dark !== null) parts.push(`LIDAR ${ranges[0]} m at 10 % and ${ranges[1]} m at 80 % reflectivity`)
   parts.push(effects.sight < 1000 ? `sight ${effects.sight.toFixed(0)} m` : 'sight more than 1000 m')
