@@ -9,6 +9,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock, NONE } from './hud_rows'
+import { busy, disableWhenRefused } from './pending'
 import { loadPreference, savePreference } from './preferences'
 import { rangeScale } from './range_scale'
 import { mayDiscard } from './save_dialog'
@@ -138,6 +139,8 @@ function time(store: Store, actions: Actions): HTMLElement {
     { testid: 'step', title: 'Run this number of ticks, then pause (key {KeyN}: one tick)', onclick: run },
     'Step',
   )
+  disableWhenRefused(store, step, 'Step')
+  disableWhenRefused(store, pause, 'Pause')
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
     void actions.request({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })
@@ -147,9 +150,11 @@ function time(store: Store, actions: Actions): HTMLElement {
     pause.setAttribute('aria-pressed', String(status.is_paused))
     speed.show(status.speed === null ? MAX : String(status.speed))
   })
+  const reset = h('button', { testid: 'reset', onclick: () => void busy(reset, () => actions.reset()) }, 'Reset')
+  disableWhenRefused(store, reset, 'Reset')
   return section(
     'Time and driving',
-    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
+    live(row(reset, timeText(store))),
     h('div', { class: 'steps' }, pause, step, ticks, h('span', { class: 'muted' }, 'ticks'), error),
     h('div', { class: 'labelled' }, h('span', {}, 'Speed'), speed.element),
     drivingMode(store, actions),
@@ -166,6 +171,7 @@ function drivingMode(store: Store, actions: Actions): HTMLElement {
   }
   store.frame.watch(show)
   store.vehicle.watch(show)
+  disableWhenRefused(store, button, 'SetDrivingMode')
   return live(row(button, mode))
 }
 
@@ -173,6 +179,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
   const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
   const select = choice('scenario', (name) => void choose(name), { 'aria-label': 'Scenario' })
+  disableWhenRefused(store, select, 'LoadScenario')
   let isLoading = false
 
   /** Loads another scenario; asks first if the present one has edits that are in no file. */
@@ -194,7 +201,8 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
     } catch (reason) {
       showText(error, sentence(reason))
     }
-    isLoading = select.disabled = false
+    isLoading = false
+    select.disabled = 'LoadScenario' in store.refused.value
     show()
   }
 

@@ -8,6 +8,7 @@ import { h, icon, setText } from './element'
 import { choice, setOptions } from './fields'
 import { gear, speedText } from './hud_rows'
 import { BUILD, CAMERA, EDIT, HUD, MENU, MODE, RESET } from './icons'
+import { busy, disableWhenRefused } from './pending'
 import { weatherIcon, weatherName, weatherTitle } from './weather_names'
 
 /** `record` is the button that records. */
@@ -19,21 +20,27 @@ export function toolbar(store: Store, actions: Actions, record: HTMLElement, sho
     opener('menu', 'Menu', MENU, 'KeyM', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     speed(store),
-    mode(store, actions),
+    drivingMode(store, actions),
     camera(store, actions),
     weather(store, actions),
     record,
-    button('reset', 'Reset', RESET, 'To the start of the scenario (Shift and Backspace)', () => void actions.reset()),
+    reset(store, actions),
     paused(store),
-    opener('edit', 'Edit', EDIT, 'KeyJ', store.isEditing),
-    opener('build', 'Build', BUILD, 'KeyZ', store.isBuilding),
+    mode(store, opener('edit', 'Edit', EDIT, 'KeyJ', store.isEditing), 'Place'),
+    mode(store, opener('build', 'Build', BUILD, 'KeyZ', store.isBuilding), 'UseMap'),
     opener('hud', 'HUD', HUD, 'KeyU', store.isHudOpen),
     h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),
   )
 }
 
+/** The button of a mode, which cannot be used where its edits are refused. */
+function mode(store: Store, button: HTMLButtonElement, operation: string): HTMLButtonElement {
+  disableWhenRefused(store, button, operation)
+  return button
+}
+
 /** A button that shows and hides a panel. */
-function opener(id: string, label: string, path: string, code: string, isOpen: Observable<boolean>): HTMLElement {
+function opener(id: string, label: string, path: string, code: string, isOpen: Observable<boolean>): HTMLButtonElement {
   const button = h(
     'button',
     {
@@ -71,7 +78,7 @@ function speed(store: Store): HTMLElement {
   return element
 }
 
-function mode(store: Store, actions: Actions): HTMLElement {
+function drivingMode(store: Store, actions: Actions): HTMLElement {
   const title = 'Driving mode: in Manual you drive, in Autonomous a script (key {KeyK})'
   const element = button('mode', 'Manual', MODE, title, () => actions.toggleMode())
   const text = element.querySelector('span') as HTMLElement
@@ -79,10 +86,17 @@ function mode(store: Store, actions: Actions): HTMLElement {
     const isAutonomous = store.frame.value?.vehicles[store.vehicle.value]?.is_autonomous
     setText(text, isAutonomous ? 'Autonomous' : 'Manual')
     element.classList.toggle('is-autonomous', isAutonomous ?? false)
-    element.disabled = isAutonomous === undefined
   }
   store.frame.watch(show)
   store.vehicle.watch(show)
+  disableWhenRefused(store, element, 'SetDrivingMode')
+  return element
+}
+
+function reset(store: Store, actions: Actions): HTMLElement {
+  const title = 'To the start of the scenario (Shift and Backspace)'
+  const element = button('reset', 'Reset', RESET, title, () => void busy(element, () => actions.reset()))
+  disableWhenRefused(store, element, 'Reset')
   return element
 }
 
@@ -104,6 +118,7 @@ function weather(store: Store, actions: Actions): HTMLElement {
     },
     { 'aria-label': 'Weather', title: 'Weather; the menu has amounts and the time of day' },
   )
+  disableWhenRefused(store, select, 'SetWeather')
   const names = Object.fromEntries(Object.keys(WEATHERS).map((name) => [name, weatherTitle(name)]))
   store.frame.watch((frame) => {
     const name = weatherName(frame?.weather ?? WEATHERS.sunny)
