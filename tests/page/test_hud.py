@@ -51,6 +51,9 @@ def test_a_race_says_that_its_warm_up_lap_is_counted(race: PageServer, tab: Tab)
     tab.show("hud")
     tab.wait_for_text("hud-race-lap", "0 / 4")
     assert "Lap, 1 warm-up" in tab.text("hud-race")
+    assert tab.value("store.scene.value.vehicles.V1.cameras") == ["front"]
+    tab.wait_until(lambda: tab.get("hud-front-camera").is_visible() and not tab.get("hud-rear-camera").is_visible())
+    assert tab.get("hud-polar").is_visible()
 
 
 def test_previews_show_the_images_of_the_cameras(gl: str, mini_map: PageServer, tab: Tab) -> None:
