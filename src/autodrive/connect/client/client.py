@@ -398,7 +398,7 @@ class Client:
         return self.connection.request(UseMap(name, text))
 
     def close_loop(self, part: str = "", port: str = "", other: str = "", other_port: str = "") -> Frame:
-        """Add roads from an open end of a module to the nearest other one, or to one of `other`; without `part`, at all.
+        """Add roads from an open end of a module to the nearest other one, or one of `other`; without `part`, at all.
 
         See `CloseLoop`.
         """
