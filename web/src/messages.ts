@@ -1404,6 +1404,7 @@ export interface Status {
   change: string
   changes: number
   clock: number
+  refused: Record<string, string>
 }
 
 /**

@@ -12,6 +12,7 @@ import { barButton, nameEdit, numberField } from './edit'
 import { h, setText } from './element'
 import { choice, errorCount, labelled, section, setOptions } from './fields'
 import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, SHOW_ALL, TURN_LEFT, UNDO } from './icons'
+import { busy } from './pending'
 import { saveMap } from './save_dialog'
 import type { VehicleEvents } from './vehicle_events'
 
@@ -79,7 +80,7 @@ function bar(
       'Close',
       LOOP,
       'Close the loop: add the roads from this open end to the nearest other one ({KeyC})',
-      () => void builder.close(),
+      () => void busy(buttons.close, () => builder.close()),
     ),
     copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
       builder.duplicate(),
@@ -91,8 +92,8 @@ function bar(
       'Delete the selected pieces, or the piece in hand (Delete)',
       () => void builder.remove(),
     ),
-    undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
-    redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
+    undo: barButton('build-undo', 'Undo', UNDO, '', () => void busy(buttons.undo, () => editor.undo())),
+    redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
     all: barButton('build-all', 'Show all', SHOW_ALL, 'Show the whole map (Home)', showAll),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
     details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
@@ -242,7 +243,11 @@ function selection(store: Store, builder: Builder): HTMLElement {
     width: labelled('Width [m]', fields.width),
     open: labelled('Ends may stay open', isOpen),
   }
-  const car = h('button', { testid: 'build-car', onclick: () => void builder.placeVehicle() }, 'Place the vehicle here')
+  const car = h(
+    'button',
+    { testid: 'build-car', onclick: () => void busy(car, () => builder.placeVehicle()) },
+    'Place the vehicle here',
+  )
   const element = section('Selected', title, ...Object.values(rows), car)
 
   async function move(): Promise<void> {
@@ -306,7 +311,7 @@ function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents):
   }
   const itemOf = (problem: MapProblem): HTMLElement => {
     const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
-    const repair = h('button', { onclick: () => void builder.repair(problem) }, 'Repair')
+    const repair = h('button', { onclick: () => void busy(repair, () => builder.repair(problem)) }, 'Repair')
     const isKnown = Object.keys(problem.repair).length > 0
     const row = h('div', { class: 'row' }, show, isKnown && repair)
     const item = h('li', {}, h('span', {}, problemText(problem, builder.scene?.parts ?? {})), row)
@@ -334,9 +339,17 @@ function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents):
 /** How many ends of roads are open, and what can be done with all of them. */
 function openEnds(store: Store, builder: Builder): HTMLElement {
   const text = h('span', { testid: 'build-ends-state', role: 'status' })
-  const close = h('button', { testid: 'build-close-all', onclick: () => void builder.closeAll() }, 'Close all')
+  const close = h(
+    'button',
+    { testid: 'build-close-all', onclick: () => void busy(close, () => builder.closeAll()) },
+    'Close all',
+  )
   const next = h('button', { testid: 'build-next-end', onclick: () => builder.nextPort() }, 'Show me')
-  const leave = h('button', { testid: 'build-leave-open', onclick: () => void builder.leaveOpen() }, 'Leave open')
+  const leave = h(
+    'button',
+    { testid: 'build-leave-open', onclick: () => void busy(leave, () => builder.leaveOpen()) },
+    'Leave open',
+  )
   close.title = 'Add roads from end to end; an end that no road reaches gets a dead end'
   next.title = 'Go to the next open end, where a piece can be set ({KeyN})'
   leave.title = 'The road may end there'
@@ -380,7 +393,7 @@ function problemText({ kind, text, parts: names, repair }: MapProblem, parts: Ma
 
 /** Maps of the simulator and files to start from. */
 function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscard }: Files): HTMLElement {
-  const select = choice('build-template', (name) => name && void builder.use({ name }), {
+  const select = choice('build-template', (name) => name && void busy(select, () => builder.use({ name })), {
     'aria-label': 'Start from a map',
   })
   store.scene.watch((scene) => {
@@ -393,10 +406,12 @@ function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscar
   file.addEventListener('change', () => {
     const files = [...(file.files ?? [])]
     file.value = ''
-    if (files.length > 0) void openFiles(files)
+    if (files.length > 0) void busy(open, () => openFiles(files))
   })
   const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
-  const own = choice('build-own', (name) => name && void openOwn(name), { 'aria-label': 'Open a file of the folder' })
+  const own = choice('build-own', (name) => name && void busy(own, () => openOwn(name)), {
+    'aria-label': 'Open a file of the folder',
+  })
   const openOwn = async (name: string): Promise<void> => {
     own.value = ''
     if (!store.hasUnsavedEdits.value || (await mayDiscard())) await userFiles.open(name)
