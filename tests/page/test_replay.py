@@ -44,6 +44,16 @@ def test_the_film_button_downloads_a_film_of_the_view(mini_map: PageServer, new_
     assert images[-1].std() > 10
 
 
+def test_a_replay_has_no_build_mode(replay: Replay, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1024, 700)).open(replay.server.url)
+    tab.wait_until(lambda: tab.get("build-button").is_disabled())
+    assert tab.get("build-button").get_attribute("title").startswith("This is a replay of 'drive.mcap'")
+    tab.page.keyboard.press("z")
+    tab.wait_for_notice("This is a replay of")
+    assert not tab.value("store.isBuilding.value")
+    assert not tab.get("build-bar").is_visible()
+
+
 def position(tab: Tab) -> float:
     return tab.value("store.status.value.position")
 

@@ -1403,6 +1403,7 @@ export interface Status {
   change: string
   changes: number
   clock: number
+  refused: Record<string, string>
 }
 
 /**

@@ -5,6 +5,7 @@ import type { BridgeStatus } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
 import { row, state } from './fields'
+import { busy } from './pending'
 
 const DEFAULTS = { host: '127.0.0.1', port: '4567' }
 const HINT = 'Start your devkit script first. It listens at this address; port 4567 is the default.'
@@ -17,7 +18,11 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
   const digits = { inputmode: 'numeric' }
   const port = h('input', { testid: 'port', placeholder: DEFAULTS.port, oninput: saveInput, ...digits, ...FIELD })
   const connect = h('button', { testid: 'connect', class: 'primary', type: 'submit' }, 'Connect')
-  const disconnect = h('button', { testid: 'disconnect', type: 'button', onclick: () => void end() }, 'Disconnect')
+  const disconnect = h(
+    'button',
+    { testid: 'disconnect', type: 'button', onclick: () => void busy(disconnect, end) },
+    'Disconnect',
+  )
   const status = state('bridge-status')
   const error = h('p', { class: 'error', testid: 'bridge-error', id: 'bridge-error', role: 'alert', hidden: true })
   const hint = h('p', { class: 'muted' }, HINT)
@@ -48,13 +53,14 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
     const number = Number(port.value)
     if (number < 1 || number > 65535) return refuse(`Port ${number} is out of range. Use 1 to 65535.`, port)
     refuse('')
-    connect.disabled = true
     if (document.activeElement instanceof HTMLInputElement) document.activeElement.blur()
-    try {
-      await connection.request({ type: 'ConnectBridge', host: address, port: number })
-    } catch (reason) {
-      refuse(sentence(reason))
-    }
+    await busy(connect, async () => {
+      try {
+        await connection.request({ type: 'ConnectBridge', host: address, port: number })
+      } catch (reason) {
+        refuse(sentence(reason))
+      }
+    })
     show(store.status.value?.bridge)
   }
 
@@ -70,7 +76,9 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
   function show(bridge: BridgeStatus | undefined): void {
     const now = bridge?.state ?? 'closed'
     const isOpen = now !== 'closed'
-    connect.disabled = isOpen || store.link.value !== 'open'
+    const reason = store.refused.value.ConnectBridge
+    connect.disabled = isOpen || store.link.value !== 'open' || reason !== undefined
+    connect.title = reason ? sentence(reason) : ''
     connect.hidden = isOpen
     disconnect.hidden = !isOpen
     host.disabled = port.disabled = isOpen

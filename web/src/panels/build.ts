@@ -11,6 +11,7 @@ import { barButton, nameEdit, numberField } from './edit'
 import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
+import { busy } from './pending'
 import { saveMap } from './save_dialog'
 import type { VehicleEvents } from './vehicle_events'
 
@@ -76,7 +77,7 @@ function bar(
       'Close',
       LOOP,
       'Close the loop: add the roads from this open end to the nearest other one ({KeyC})',
-      () => void builder.close(),
+      () => void busy(buttons.close, () => builder.close()),
     ),
     copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
       builder.duplicate(),
@@ -88,8 +89,8 @@ function bar(
       'Delete the selected piece (Delete), or put away the piece in hand (Escape)',
       () => (builder.hand.value ? builder.cancel() : void builder.remove()),
     ),
-    undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
-    redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
+    undo: barButton('build-undo', 'Undo', UNDO, '', () => void busy(buttons.undo, () => editor.undo())),
+    redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
     details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
       isPanelOpen.value = !isPanelOpen.value
@@ -237,7 +238,11 @@ function selection(store: Store, builder: Builder): HTMLElement {
     width: labelled('Width [m]', fields.width),
     open: labelled('Ends may stay open', isOpen),
   }
-  const car = h('button', { testid: 'build-car', onclick: () => void builder.placeVehicle() }, 'Place the vehicle here')
+  const car = h(
+    'button',
+    { testid: 'build-car', onclick: () => void busy(car, () => builder.placeVehicle()) },
+    'Place the vehicle here',
+  )
   const element = section('Selected', title, ...Object.values(rows), car)
 
   async function move(): Promise<void> {
@@ -308,8 +313,8 @@ function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents):
       ...all.map((problem) => {
         const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
         const label = problem.kind === 'unconnected' ? 'Leave open' : 'Repair'
-        const repair = h('button', { onclick: () => void builder.repair(problem) }, label)
-        const close = h('button', { onclick: () => void builder.closeAt(problem) }, 'Close the loop')
+        const repair = h('button', { onclick: () => void busy(repair, () => builder.repair(problem)) }, label)
+        const close = h('button', { onclick: () => void busy(close, () => builder.closeAt(problem)) }, 'Close the loop')
         const isKnown = Object.keys(problem.repair).length > 0
         const row = h('div', { class: 'row' }, show, isKnown && repair, problem.kind === 'unconnected' && close)
         const item = h('li', {}, h('span', {}, shortened(problem.text)), row)
@@ -325,7 +330,7 @@ function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents):
 
 /** Maps of the simulator and files to start from. */
 function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscard }: Files): HTMLElement {
-  const select = choice('build-template', (name) => name && void builder.use({ name }), {
+  const select = choice('build-template', (name) => name && void busy(select, () => builder.use({ name })), {
     'aria-label': 'Start from a map',
   })
   store.scene.watch((scene) => {
@@ -338,10 +343,12 @@ function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscar
   file.addEventListener('change', () => {
     const files = [...(file.files ?? [])]
     file.value = ''
-    if (files.length > 0) void openFiles(files)
+    if (files.length > 0) void busy(open, () => openFiles(files))
   })
   const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
-  const own = choice('build-own', (name) => name && void openOwn(name), { 'aria-label': 'Open a file of the folder' })
+  const own = choice('build-own', (name) => name && void busy(own, () => openOwn(name)), {
+    'aria-label': 'Open a file of the folder',
+  })
   const openOwn = async (name: string): Promise<void> => {
     own.value = ''
     if (!store.hasUnsavedEdits.value || (await mayDiscard())) await userFiles.open(name)

@@ -9,6 +9,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
+import { busy, disableWhenRefused } from './pending'
 import { rangeScale } from './range_scale'
 import { mayDiscard } from './save_dialog'
 import type { Theme } from './theme'
@@ -76,6 +77,9 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   const modeButton = h('button', { testid: 'mode', onclick: () => actions.toggleMode() }, 'Driving Mode')
   const vehicle = choice('vehicle', (name) => (store.vehicle.value = name))
   const vehicleField = labelled('Vehicle', vehicle)
+  const reset = h('button', { testid: 'reset', onclick: () => void busy(reset, () => actions.reset()) }, 'Reset')
+  disableWhenRefused(store, reset, 'Reset')
+  disableWhenRefused(store, modeButton, 'SetDrivingMode')
 
   function show(): void {
     const frame = store.frame.value
@@ -101,7 +105,7 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   return section(
     'Simulator',
     vehicleField,
-    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
+    live(row(reset, timeText(store))),
     live(row(modeButton, mode)),
     row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
     live(row(lightButton, light)),
@@ -149,6 +153,8 @@ function time(store: Store, actions: Actions): HTMLElement {
     { testid: 'step', title: 'Run this number of ticks, then pause (key {KeyN}: one tick)', onclick: run },
     'Step',
   )
+  disableWhenRefused(store, step, 'Step')
+  disableWhenRefused(store, pause, 'Pause')
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
     void actions.request({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })
@@ -169,6 +175,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
   const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
   const select = choice('scenario', (name) => void choose(name), { 'aria-label': 'Scenario' })
+  disableWhenRefused(store, select, 'LoadScenario')
   let isLoading = false
 
   /** Loads another scenario; asks first if the present one has edits that are in no file. */
@@ -190,7 +197,8 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
     } catch (reason) {
       showText(error, sentence(reason))
     }
-    isLoading = select.disabled = false
+    isLoading = false
+    select.disabled = 'LoadScenario' in store.refused.value
     show()
   }
 

@@ -4,6 +4,7 @@ import type { Observable } from '../observable'
 import type { Store } from '../store'
 import { h, icon, setText } from './element'
 import { BUILD, EDIT, HUD, MENU } from './icons'
+import { disableWhenRefused } from './pending'
 
 export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   const label = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
@@ -13,15 +14,21 @@ export function toolbar(store: Store, showHelp: () => void): HTMLElement {
     opener('menu', 'Menu', MENU, 'KeyM', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     run(store),
-    opener('edit', 'Edit', EDIT, 'KeyJ', store.isEditing),
-    opener('build', 'Build', BUILD, 'KeyZ', store.isBuilding),
+    mode(store, opener('edit', 'Edit', EDIT, 'KeyJ', store.isEditing), 'Place'),
+    mode(store, opener('build', 'Build', BUILD, 'KeyZ', store.isBuilding), 'UseMap'),
     h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),
     opener('hud', 'HUD', HUD, 'KeyU', store.isHudOpen),
   )
 }
 
+/** The button of a mode, which cannot be used where its edits are refused. */
+function mode(store: Store, button: HTMLButtonElement, operation: string): HTMLButtonElement {
+  disableWhenRefused(store, button, operation)
+  return button
+}
+
 /** A button that shows and hides a panel. */
-function opener(id: string, label: string, path: string, code: string, isOpen: Observable<boolean>): HTMLElement {
+function opener(id: string, label: string, path: string, code: string, isOpen: Observable<boolean>): HTMLButtonElement {
   const button = h(
     'button',
     {

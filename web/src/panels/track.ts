@@ -7,6 +7,7 @@ import type { Store } from '../store'
 import { numberField } from './edit'
 import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
+import { busy } from './pending'
 
 /** The sections; those of modules are hidden while the map is a race track. */
 export function track(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement[] {
@@ -112,12 +113,17 @@ function start(store: Store, builder: TrackBuilder, showAll: () => void): HTMLEl
   const make = async (made: Promise<boolean>): Promise<void> => {
     if (await made) showAll()
   }
-  const fresh = h('button', { testid: 'track-new', onclick: () => void make(builder.start()) }, 'New track')
+  const fresh = h(
+    'button',
+    { testid: 'track-new', onclick: () => void busy(both, () => make(builder.start())) },
+    'New track',
+  )
   const random = async (): Promise<void> => {
     const width = builder.line?.width ?? 1.2
     await make(builder.generate(Number(seed.value), Number(length.value), Math.min(Math.max(width, 0.9), 3)))
   }
-  const button = h('button', { testid: 'track-random', onclick: () => void random() }, 'Random track')
+  const button = h('button', { testid: 'track-random', onclick: () => void busy(both, random) }, 'Random track')
+  const both = [fresh, button]
   const element = section(
     'New race track',
     h('div', { class: 'row' }, fresh, button),
