@@ -92,7 +92,7 @@ function bar(
     undo: barButton('build-undo', 'Undo', UNDO, '', () => void busy(buttons.undo, () => editor.undo())),
     redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
-    details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
+    details: barButton('build-details', 'Panel', DETAILS, 'Show the pieces and the problems', () => {
       isPanelOpen.value = !isPanelOpen.value
     }),
     done: h(
