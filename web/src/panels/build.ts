@@ -96,7 +96,7 @@ function bar(
     redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
     all: barButton('build-all', 'Show all', SHOW_ALL, 'Show the whole map (Home)', showAll),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
-    details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
+    details: barButton('build-details', 'Panel', DETAILS, 'Show the pieces and the problems', () => {
       isPanelOpen.value = !isPanelOpen.value
     }),
     done: h(
