@@ -70,7 +70,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         stack.callback(bridge.close)
         folder = tmp_path_factory.mktemp("recordings")
         recordings = ClientRecordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
-        stack.callback(recordings.stop_now)
+        stack.callback(recordings.close)
         served = Served(
             simulation,
             loader.scenery,

@@ -21,6 +21,7 @@ import { Headlights, Indicators } from './messages'
 import { banner } from './panels/banner'
 import { build } from './panels/build'
 import { connectDialog } from './panels/connect'
+import { crashHint } from './panels/crash_hint'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
@@ -135,6 +136,8 @@ const hints = [
   banner(store, actions),
   modeHint(store, actions),
   streamNote(store),
+  recording.card,
+  crashHint(store, actions),
   firstSteps(programs.open, keys.toggle),
 ]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)

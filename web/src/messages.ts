@@ -530,6 +530,25 @@ export interface SaveRecording {
 }
 
 /**
+ * Film the latest recording of this simulator, beside the simulation: `RecordingStatus.film` says how far it is.
+ *
+ * `camera`: a scene camera, or a camera of a vehicle such as 'front'. `vehicle`: the one that it follows, or on which
+ * it is; None: the first one. The film is then at the address recordings/NAME, relative to the page.
+ */
+export interface FilmRecording {
+  type: 'FilmRecording'
+  camera?: string
+  vehicle?: string | null
+}
+
+/**
+ * Serve the latest recording of this simulator with its page; the text of the Response is the port.
+ */
+export interface ReplayRecording {
+  type: 'ReplayRecording'
+}
+
+/**
  * Request curves of the recording that is shown; they are in the `curves` of the Response.
  *
  * `plots`: ids of `PLOTS` in channels.ts. `start`, `end`: times of the recording [s]; `end` None: its end. `columns`:
@@ -820,7 +839,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
   heard?: number | null
 }
 
@@ -1370,6 +1389,16 @@ export interface BridgeStatus {
 }
 
 /**
+ * State of the film that a `FilmRecording` has asked for.
+ */
+export interface FilmStatus {
+  state: 'off' | 'filming' | 'done'
+  name: string
+  share: number
+  error: string
+}
+
+/**
  * State of the recording that this simulator makes.
  */
 export interface RecordingStatus {
@@ -1379,6 +1408,8 @@ export interface RecordingStatus {
   size: number
   dropped: number
   error: string
+  download: string
+  film: FilmStatus
 }
 
 /**
@@ -1526,7 +1557,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

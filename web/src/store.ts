@@ -131,6 +131,8 @@ export class Store {
   readonly areTrailsShown = new Observable(false)
   /** Whether the drawings of scripts are shown in the scene. */
   readonly areDrawingsShown = new Observable(true)
+  /** Whether the names of vehicles are shown above them. */
+  readonly areLabelsShown = new Observable(true)
   /** Whether the collision shapes, contact forces, and axes of vehicles and sensors are drawn in the scene. */
   readonly areShapesShown = new Observable(false)
   readonly areForcesShown = new Observable(false)

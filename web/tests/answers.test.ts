@@ -3,9 +3,10 @@ import { beforeEach, expect, test } from 'vitest'
 
 import { Actions } from '../src/actions'
 import { bridge } from '../src/panels/bridge'
+import { crashHint } from '../src/panels/crash_hint'
 import { toolbar } from '../src/panels/toolbar'
 import { recorder } from '../src/replay/recorder'
-import { connectedPage, frameOf, statusOf } from './support'
+import { connectedPage, FILM, frameOf, statusOf, vehicleOf } from './support'
 
 beforeEach(() => {
   localStorage.clear()
@@ -19,7 +20,16 @@ function get<Kind extends HTMLElement = HTMLButtonElement>(testid: string): Kind
 }
 
 const settle = () => new Promise((done) => setTimeout(done))
-const recording = { state: 'recording', file: 'a.mcap', duration: 1, size: 0, dropped: 0, error: '' } as const
+const recording = {
+  state: 'recording',
+  file: 'a.mcap',
+  duration: 1,
+  size: 0,
+  dropped: 0,
+  error: '',
+  download: '',
+  film: FILM,
+} as const
 
 test('Record shows at once that it waits, a second press does nothing, and the press after the Status stops', async () => {
   const { store, connection, socket } = connectedPage()
@@ -87,4 +97,67 @@ test('a button whose operation is refused is disabled, and its tooltip says why'
   expect([get('build-button').disabled, get('build-button').title]).toEqual([false, usual])
   store.isBuilding.value = true
   expect(store.isBuilding.value).toBe(true)
+})
+
+test('after a recording, a card names it; its film shows how far it is, and is downloaded once', async () => {
+  const { store, connection, socket } = connectedPage()
+  const { button, card } = recorder(store, new Actions(store, connection))
+  document.body.append(button, card)
+  socket.receive(statusOf({ recording: { ...recording, duration: 12.3 } }))
+  get('record-button').click()
+  socket.respond(frameOf(), '/tmp/a.mcap')
+  await settle()
+  const done = { ...recording, state: 'off', download: 'a.mcap' } as const
+  socket.receive(statusOf({ recording: done }))
+  expect(card.hidden).toBe(false)
+  expect(get('recorded-text').textContent).toBe('Recorded a.mcap, 12 s.')
+  const clicked: string[] = []
+  HTMLAnchorElement.prototype.click = function click() {
+    clicked.push(this.href)
+  }
+  get('recorded-download').click()
+  get('recorded-film').click()
+  expect(socket.request).toEqual({ type: 'FilmRecording', camera: "Driver's Eye", vehicle: 'V1' })
+  socket.respond(frameOf())
+  await settle()
+  const film = { ...FILM, state: 'filming', name: 'a.webm', share: 0.25 } as const
+  socket.receive(statusOf({ recording: { ...done, film } }))
+  expect(get('recorded-state').textContent).toBe('Filming: 25 %')
+  expect(get('recorded-film').disabled).toBe(true)
+  for (let i = 0; i < 2; i++)
+    socket.receive(statusOf({ recording: { ...done, film: { ...film, state: 'done', share: 1 } } }))
+  expect(clicked.map((url) => new URL(url).pathname)).toEqual(['/lab/recordings/a.mcap', '/lab/recordings/a.webm'])
+  socket.receive(statusOf({ recording: { ...done, film: { ...FILM, error: 'no encoder' } } }))
+  expect(get('recorded-state').textContent).toBe('No encoder.')
+})
+
+test('a Reset is offered 3 s after a crash, while somebody drives a vehicle that does not move', () => {
+  const { store, connection, socket } = connectedPage()
+  const hint = crashHint(store, new Actions(store, connection))
+  document.body.append(hint)
+  const collision = { type: 'Collision', vehicle: 'V1', other: 'wall', impulse: 1, time: 1 } as never
+  const frame = (time: number, throttle: number, speed = 0, events: never[] = []) =>
+    socket.receive({
+      ...frameOf(['V1'], { time, events }),
+      vehicles: { V1: vehicleOf({ throttle, velocity: new Float64Array([speed, 0, 0]) }) },
+    } as never)
+  frame(0.5, 1)
+  frame(4.5, 1) // it stands, but nothing was hit
+  expect(hint.hidden).toBe(true)
+  frame(5, 0, 0, [{ ...(collision as object), time: 5 } as never])
+  frame(9, 0) // nobody drives it
+  expect(hint.hidden).toBe(true)
+  frame(9.5, 1)
+  expect(hint.hidden).toBe(false)
+  get('crash-reset').click()
+  expect(socket.request).toEqual({ type: 'Reset' })
+  frame(0.1, 0)
+  expect(hint.hidden).toBe(true)
+  frame(1, 0, 0, [collision])
+  frame(2, 1)
+  frame(3, 1, 0.5) // it comes free
+  frame(5, 1, 0)
+  expect(hint.hidden).toBe(true)
+  frame(6.1, 1, 0)
+  expect(hint.hidden).toBe(false)
 })

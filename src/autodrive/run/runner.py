@@ -233,8 +233,9 @@ def opened(
         scenario=lambda: loader.scenario,
         encoder=encoder,
         bridge=lambda: run.bridge.status,
+        page=options.page,
     )
-    stack.callback(recordings.stop_now)
+    stack.callback(recordings.close)
     if options.record is not None:
         run.recorder = stack.enter_context(_recorder(run, options.record))
     stack.callback(simulation.stop)

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 from uvicorn.protocols.utils import ClientDisconnected
@@ -42,6 +43,8 @@ from autodrive.protocol.native import (
 
 log = logging.getLogger(__name__)
 
+DOWNLOADS = "recordings"
+"""Folder of recordings and films, relative to the page."""
 MAX_CLIENTS = 100
 """More are refused."""
 MAX_WAIT = 10.0
@@ -93,6 +96,11 @@ class Hub:
     def files(self) -> dict[str, ServedFile]:
         """The scene files, by path."""
         return self.broadcast.files
+
+    def download(self, path: str) -> Path | None:
+        """The file of a recording or a film at that path; None: there is none."""
+        folder, _, name = path.partition("/")
+        return self._served.recording.path(name) if folder == DOWNLOADS else None
 
     @property
     def client_count(self) -> int:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Protocol
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import LoadScenario, UseMap
-from autodrive.protocol.replay import Curve, PlotRecording, RecordingStatus
+from autodrive.protocol.replay import Curve, FilmRecording, PlotRecording, RecordingStatus
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.graphics.cameras.scene_views import SceneViews
@@ -59,6 +61,18 @@ class RecordingControl:
     def save(self) -> str:
         """Write the last seconds that were kept; the path of the file. Raises `AutodriveError`."""
         raise AutodriveError("nothing is recorded")
+
+    def film(self, request: FilmRecording) -> str:
+        """Begin to film the latest recording; the name of the film. Raises `AutodriveError`."""
+        raise AutodriveError("nothing was recorded")
+
+    def replay(self) -> str:
+        """Serve the latest recording; the port of its page. Raises `AutodriveError`."""
+        raise AutodriveError("nothing was recorded")
+
+    def path(self, name: str) -> Path | None:
+        """The complete recording or film of that name, for a download; None: there is none."""
+        return None
 
 
 class OwnFiles:
