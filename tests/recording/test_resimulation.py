@@ -25,10 +25,11 @@ from autodrive.protocol.messages import (
     Undo,
     Weather,
 )
-from autodrive.recording import Recorder, RecordingError, resimulation, saved_world
+from autodrive.recording import Recorder, RecordingError, resimulation
 from autodrive.recording import open as open_recording
 from autodrive.recording.about import about_here
 from autodrive.recording.resimulation import first_difference, resimulate
+from autodrive.world import saved_world
 from tests.recording.conftest import Drive
 from tests.support.command_line import call
 from tests.support.waiting import wait_until
@@ -133,7 +134,7 @@ def test_a_damaged_state_at_the_start_is_an_error(tmp_path: Path) -> None:
     assert state is not None
     other = autodrive.make("mini_map")
     for damaged in (state[:-5], b"", zlib.compress(b"\x00"), zlib.compress(zlib.decompress(state)[:-100])):
-        with pytest.raises(RecordingError, match="state at the start of the recording is damaged"):
+        with pytest.raises(SnapshotError, match="the saved state is damaged"):
             saved_world.restore(world, damaged, frame)
     with pytest.raises(SnapshotError, match="another world"):
         saved_world.restore(other, state, other.frame)

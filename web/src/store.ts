@@ -1,4 +1,5 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
+import { CalmEvents } from './calm_events'
 import type {
   ContactForces,
   Drawn,
@@ -95,6 +96,8 @@ export class Store {
   readonly isStreamPaused = new Observable(false)
   /** The latest events of the world. */
   readonly events = new Observable<readonly Event[]>([])
+  /** The events that people are told: without a vehicle that comes back to the road for a moment only. */
+  readonly told = new Observable<readonly Event[]>([])
   /** Number of resets by this page. */
   readonly resets = new Observable(0)
   /** Why there is no connection. */
@@ -177,6 +180,14 @@ export class Store {
       one.watch((isOn) => {
         if (isOn) pair[1 - i].value = false
       })
+    const calm = new CalmEvents()
+    const tell = (events: readonly Event[]) => {
+      const told = calm.at(this.frame.value?.time ?? 0, events)
+      if (told.length > 0) this.told.value = told
+    }
+    this.events.watch(tell)
+    this.frame.watch(() => tell([]))
+    this.scene.watch(() => calm.clear())
     this.status.watch((status) => {
       const refused = status?.refused ?? {}
       if (JSON.stringify(refused) === JSON.stringify(this.refused.value)) return

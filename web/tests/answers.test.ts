@@ -2,11 +2,14 @@
 import { beforeEach, expect, test } from 'vitest'
 
 import { Actions } from '../src/actions'
+import { CalmEvents } from '../src/calm_events'
+import { touched } from '../src/log'
+import type { Event, MapScene } from '../src/messages'
 import { bridge } from '../src/panels/bridge'
 import { crashHint } from '../src/panels/crash_hint'
 import { toolbar } from '../src/panels/toolbar'
 import { recorder } from '../src/replay/recorder'
-import { connectedPage, FILM, frameOf, statusOf, vehicleOf } from './support'
+import { connectedPage, FILM, frameOf, sceneOf, statusOf, vehicleOf } from './support'
 
 beforeEach(() => {
   localStorage.clear()
@@ -160,4 +163,34 @@ test('a Reset is offered 3 s after a crash, while somebody drives a vehicle that
   expect(hint.hidden).toBe(true)
   frame(6.1, 1, 0)
   expect(hint.hidden).toBe(false)
+})
+
+test('a vehicle on the edge of a road is told once to be off it, and to be back when it stays', () => {
+  const calm = new CalmEvents()
+  const position = new Float64Array(3)
+  const event = (type: 'OffRoad' | 'BackOnRoad', time: number): Event => ({ type, time, vehicle: 'V1', position })
+  const told = (time: number, ...events: Event[]) => calm.at(time, events).map(({ type, time }) => [type, time])
+  expect(told(1, event('OffRoad', 1))).toEqual([['OffRoad', 1]])
+  for (let time = 2; time < 6; time++) {
+    expect(told(time, event('BackOnRoad', time))).toEqual([])
+    expect(told(time + 0.5, event('OffRoad', time + 0.5))).toEqual([])
+  }
+  expect(told(7, event('BackOnRoad', 7))).toEqual([])
+  expect(told(7.9)).toEqual([])
+  expect(told(8)).toEqual([['BackOnRoad', 7]])
+  expect(told(9)).toEqual([])
+  expect(told(10, event('OffRoad', 10))).toEqual([['OffRoad', 10]])
+  expect(told(0)).toEqual([]) // a reset
+  expect(told(0.1, event('OffRoad', 0.1))).toEqual([['OffRoad', 0.1]])
+})
+
+test('what a vehicle touches is named in words', () => {
+  const part = { type: 'MapModule', module: 'construction_box' }
+  const modules = { construction_box: { title: 'Construction box' } }
+  const map_scene = { parts: { corner_2: part }, modules } as unknown as MapScene
+  const scene = { ...sceneOf(['V1', 'V2']), objects: { box_1: 'box.glb' }, map_scene }
+  const names = ['corner_2', 'V2', 'box_1', 'wall', 'traffic_light_3']
+  expect(names.map((name) => touched(name, scene))).toEqual([
+    ...['a construction box', 'V2', 'box 1', 'the wall', 'traffic light 3'],
+  ])
 })

@@ -28,13 +28,14 @@ from autodrive.protocol.messages import (
     SaveScenario,
     Step,
 )
-from autodrive.recording import records, saved_world
+from autodrive.recording import records
 from autodrive.recording.encoding import Encoding
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.outputs import FileOutput, Output, RingOutput
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, StatusRecord
 from autodrive.scenario.files import files_of
+from autodrive.world import saved_world
 from autodrive.world.observer import Request, ResetTo, Restored
 from autodrive.world.simulation import Simulation
 from autodrive.world.simulation.checks import check_world
@@ -145,7 +146,7 @@ class Recorder:
         """
         world = self.world
         if is_whole and world.frame.tick > 0 and (state := saved_world.saved(world)) is not None:
-            self._add(lambda: self.output.attach(saved_world.NAME, saved_world.MEDIA_TYPE, state))
+            self._add(lambda: self.output.attach(records.STATE, records.STATE_TYPE, state))
         self._publish(world, world.frame)
         if present := drawings_now(world.drawings, world.time):
             self.executed(present)

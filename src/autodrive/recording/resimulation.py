@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from autodrive.base.errors import SnapshotError, SpecError
 from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
 from autodrive.protocol.native import ContactForces
-from autodrive.recording import records, saved_world
+from autodrive.recording import records
 from autodrive.recording.about import about_here
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
@@ -22,7 +22,7 @@ from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioR
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.scenario.files import described
-from autodrive.world import OwnSensor, World
+from autodrive.world import OwnSensor, World, saved_world
 from autodrive.world.factory import new_world
 from autodrive.world.observer import Request, ResetTo, Restored, SensorAdded, SetPoses
 from autodrive.world.simulation import Simulation
@@ -130,7 +130,7 @@ def _each_frame(
 ) -> Generator[tuple[float, Frame, _Again]]:
     """Time [s] and recorded Frame of each recorded tick, and the simulation, which has all that came before it."""
     is_start = recording.scenario.is_start and not recording.start_tick
-    if not is_start and saved_world.NAME not in recording.attachments:
+    if not is_start and records.STATE not in recording.attachments:
         raise RecordingError(
             f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
             "simulated again: it has no state to begin with, because it contains the last seconds only, a race, or "
@@ -139,7 +139,7 @@ def _each_frame(
     with ExitStack() as stack:
         again = _Again(recording, stack, changed, own_sensors, watches_contacts=watches_contacts)
         if not is_start:
-            again.begin(recording.attachment(saved_world.NAME), recording.frame_at(recording.start))
+            again.begin(recording.attachment(records.STATE), recording.frame_at(recording.start))
         for time, record in recording.sequence():
             if isinstance(record, Frame):
                 yield time, record, again
@@ -207,7 +207,7 @@ class _Again:
         try:
             saved_world.restore(self._simulation.world, state, frame)
         except SnapshotError as error:
-            raise RecordingError(f"this version cannot go on from the start of the recording: {error}") from None
+            raise RecordingError(f"the recording cannot be simulated again from its start: {error}") from None
         self._events = frame.events
 
     def take(self, record: object) -> None:

@@ -1,25 +1,25 @@
-"""The state of a World in a recording that begins in the middle of a run, as bytes without code."""
+"""The state of a World as bytes without code, for a recording that begins in the middle of a run."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from autodrive.base.errors import SnapshotError
 from autodrive.physics.weather import ChangingWeather
-from autodrive.protocol.messages import Frame
-from autodrive.recording.errors import RecordingError
-from autodrive.world import World
 from autodrive.world.columns import Worlds, columns_of, each_column, without_tables
 from autodrive.world.controls import VehicleControls
 from autodrive.world.poses import Held
 from autodrive.world.snapshot import Snapshot
 
-NAME, MEDIA_TYPE = "snapshot", "application/zlib"
-"""Name and type of the attachment of a recording."""
+if TYPE_CHECKING:
+    from autodrive.protocol.messages import Frame
+    from autodrive.world.world import World
+
 MAX_SIZE = 2**28
 """Most bytes of a state that is read."""
 
@@ -33,7 +33,7 @@ class Column(msgspec.Struct, frozen=True, array_like=True):
 
 
 class SavedWorld(msgspec.Struct, frozen=True):
-    """A `Snapshot` without its Frame, which is the first one of the recording."""
+    """A `Snapshot` without its Frame."""
 
     world: str
     seed: int
@@ -57,9 +57,9 @@ def saved(world: World) -> bytes | None:
 
 
 def restore(world: World, data: bytes, frame: Frame) -> None:
-    """Let a World go on from what `saved` returned; `frame`: the first one of the recording.
+    """Let a World go on from what `saved` returned; `frame`: that of the World that was saved.
 
-    Raises `RecordingError` for damaged data, and `SnapshotError` for the state of another World.
+    Raises `SnapshotError` for damaged data, and for the state of another World; then nothing has changed.
     """
     unpacker = zlib.decompressobj()
     try:
@@ -72,7 +72,7 @@ def restore(world: World, data: bytes, frame: Frame) -> None:
         if next(columns, None) is not None:
             raise ValueError("it has too many arrays")
     except (zlib.error, msgspec.DecodeError, ValueError, TypeError, StopIteration, RuntimeError) as error:
-        raise RecordingError(f"the state at the start of the recording is damaged: {error}") from None
+        raise SnapshotError(f"the saved state is damaged: {error}") from None
     parts: dict[str, Any] = {"controls": state.controls, "poses": state.held, "own_sensors": {}, "cameras": None}
     world.restore(Snapshot(state.world, state.seed, row, state.weather, parts, frame))
 
