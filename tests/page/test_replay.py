@@ -55,6 +55,26 @@ def test_a_replay_has_no_build_mode(replay: Replay, new_tab: NewTab) -> None:
     assert not tab.get("build-bar").is_visible()
 
 
+NOTE_TEXTS = """
+window.ends = []
+const fillText = CanvasRenderingContext2D.prototype.fillText
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  const width = this.measureText(text).width
+  const [left, right] = this.textAlign === 'right' ? [x - width, x] : [x, x + width]
+  if (this.canvas.className === 'timeline-marks') ends.push([text, left, right, this.canvas.clientWidth])
+  fillText.call(this, text, x, y)
+}
+"""
+
+
+def test_no_time_of_the_timeline_is_cut(replay: Replay, new_tab: NewTab) -> None:
+    for width in range(600, 700, 20):
+        tab = new_tab(size=(width, 500), script=NOTE_TEXTS).open(replay.server.url)
+        tab.wait_until(lambda tab=tab: tab.page.evaluate("() => ends.length > 3"))
+        cut = [each for each in tab.page.evaluate("() => ends") if each[1] < 0 or each[2] > each[3]]
+        assert cut == []
+
+
 def position(tab: Tab) -> float:
     return tab.value("store.status.value.position")
 

@@ -55,12 +55,14 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   })
   const bridgeError = whenChanged('error', 'Bridge: ')
   const camerasError = whenChanged('error', 'Cameras: ')
+  const camerasNote = whenChanged('info', 'Cameras: ')
   const bridgeState = whenChanged('info', 'Bridge: ')
   const physicsError = whenChanged('error', '')
   let wasBridgeUsed = false
   store.status.watch((status) => {
     bridgeError(status?.bridge.error ?? '')
     camerasError(status?.cameras_error ?? '')
+    camerasNote(status?.cameras_note ?? '')
     physicsError(status?.error ?? '')
     const isUsed = status && (status.bridge.state !== 'closed' || wasBridgeUsed)
     wasBridgeUsed ||= Boolean(isUsed)

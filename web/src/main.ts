@@ -25,6 +25,7 @@ import { crashHint } from './panels/crash_hint'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
+import { episode } from './panels/episode'
 import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
 import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
@@ -138,6 +139,7 @@ const hints = [
   streamNote(store),
   recording.card,
   crashHint(store, actions),
+  episode(store),
   firstSteps(programs.open, keys.toggle),
 ]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
@@ -153,7 +155,7 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const mayDiscardMap = () => mayDiscard('Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
 document.body.append(...edit(store, editor, view, save))
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }

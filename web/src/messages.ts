@@ -1413,6 +1413,18 @@ export interface RecordingStatus {
 }
 
 /**
+ * The episode of an environment that is shown, and how the cars have fared in those before it.
+ */
+export interface Episode {
+  task: string
+  number: number
+  cars: Record<string, 'drives' | 'succeeded' | 'failed'>
+  gap: number | null
+  succeeded: number
+  ended: number
+}
+
+/**
  * State of the simulation; sent four times a second, and at once when a setting changes.
  */
 export interface Status {
@@ -1435,6 +1447,8 @@ export interface Status {
   changes: number
   clock: number
   refused: Record<string, string>
+  cameras_note: string
+  episode: Episode | null
 }
 
 /**

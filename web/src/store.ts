@@ -182,7 +182,9 @@ export class Store {
       })
     const calm = new CalmEvents()
     const tell = (events: readonly Event[]) => {
-      const told = calm.at(this.frame.value?.time ?? 0, events)
+      // an environment has rules of its own: what those of the road say means nothing in it
+      const known = this.status.value?.episode ? events.filter(({ type }) => type.startsWith('Collision')) : events
+      const told = calm.at(this.frame.value?.time ?? 0, known)
       if (told.length > 0) this.told.value = told
     }
     this.events.watch(tell)

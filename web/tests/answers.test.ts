@@ -3,10 +3,12 @@ import { beforeEach, expect, test } from 'vitest'
 
 import { Actions } from '../src/actions'
 import { CalmEvents } from '../src/calm_events'
-import { touched } from '../src/log'
-import type { Event, MapScene } from '../src/messages'
+import { logOf, touched } from '../src/log'
+import type { Episode, Event, MapScene } from '../src/messages'
 import { bridge } from '../src/panels/bridge'
 import { crashHint } from '../src/panels/crash_hint'
+import { episode } from '../src/panels/episode'
+import { notices } from '../src/panels/notice'
 import { toolbar } from '../src/panels/toolbar'
 import { recorder } from '../src/replay/recorder'
 import { connectedPage, FILM, frameOf, sceneOf, statusOf, vehicleOf } from './support'
@@ -192,5 +194,39 @@ test('what a vehicle touches is named in words', () => {
   const names = ['corner_2', 'V2', 'box_1', 'wall', 'traffic_light_3']
   expect(names.map((name) => touched(name, scene))).toEqual([
     ...['a construction box', 'V2', 'box 1', 'the wall', 'traffic light 3'],
+  ])
+})
+
+test('an environment shows its episode from above, and no events of rules that it does not have', () => {
+  const { store, socket } = connectedPage(['V1', 'V2'])
+  document.body.append(episode(store), notices(store))
+  expect(get('episode').hidden).toBe(true)
+  const now: Episode = {
+    ...{ task: 'head_to_head', number: 3, cars: { V1: 'drives', V2: 'drives' }, gap: -0.42, succeeded: 2, ended: 4 },
+  }
+  socket.receive(statusOf({ episode: now }))
+  expect(store.camera.value).toBe("Bird's Eye")
+  const position = new Float64Array(3)
+  const red = { type: 'RedLight', time: 4, vehicle: 'V1', light: 'light_1', position } as unknown as Event
+  const hit = { type: 'Collision', time: 4, vehicle: 'V1', other: 'V2', impulse: 1, position } as Event
+  socket.receive(frameOf(['V1', 'V2'], { time: 4.25, events: [red, hit] }))
+  expect(get('episode-title').textContent).toBe('Head to head, episode 3, 4.3 s')
+  expect(get('episode-cars').textContent).toBe('V1 and V2 drive. V2 is 0.4 m ahead of V1')
+  expect(get('episode-before').textContent).toBe('Before: 2 of 4 cars succeeded')
+  expect(get('notices').textContent).toBe('V1 hit V2')
+  store.camera.value = 'Orbit'
+  socket.receive(statusOf({ episode: { ...now, cars: { V1: 'failed', V2: 'succeeded' }, gap: null } }))
+  expect(get('episode-cars').textContent).toBe('V2 succeeded, V1 failed')
+  expect(store.camera.value).toBe('Orbit')
+})
+
+test('cameras that are off are information, and cameras that fail are an error', () => {
+  const { store, socket } = connectedPage()
+  const entries = logOf(store)
+  socket.receive(statusOf({ cameras_note: 'the camera images are off' }))
+  socket.receive(statusOf({ cameras_error: 'no OpenGL' }))
+  expect(entries.value.slice(-2).map(({ level, text }) => [level, text])).toEqual([
+    ['info', 'Cameras: The camera images are off.'],
+    ['error', 'Cameras: No OpenGL.'],
   ])
 })

@@ -195,6 +195,8 @@ export function statusOf(values: Partial<Status> = {}): Status {
       changes: 0,
       clock: 0,
       refused: {},
+      cameras_note: '',
+      episode: null,
       ...values,
     },
   }

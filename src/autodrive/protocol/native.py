@@ -412,6 +412,22 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """The map as it can be edited if it is a race track."""
 
 
+class Episode(msgspec.Struct, frozen=True):
+    """The episode of an environment that is shown, and how the cars have fared in those before it."""
+
+    task: str
+    number: int
+    """The first episode is 1."""
+    cars: dict[str, Literal["drives", "succeeded", "failed"]]
+    """What each car does in this episode."""
+    gap: float | None = None
+    """How far the first car is ahead of the second one along the track [m]; None: it is no race."""
+    succeeded: int = 0
+    """Cars that succeeded in the episodes before, each counted once in each episode."""
+    ended: int = 0
+    """All cars of the episodes before, each counted once in each episode."""
+
+
 class BridgeStatus(msgspec.Struct, frozen=True):
     """State of the connection to a devkit script; `error` is the reason why there is none."""
 
@@ -443,7 +459,7 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Vehicle -> name of the client that drives it. Vehicles without a driver are omitted."""
     bridge: BridgeStatus
     cameras_error: str = ""
-    """Why there are no pictures; empty if there are, or if no client wants any."""
+    """Why the cameras failed; empty if they did not, or if no client wants pictures."""
     note: str = ""
     """A long operation in progress, for example the loading of a scenario."""
     undo: str = ""
@@ -464,6 +480,10 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
     refused: dict[str, str] = {}
     """Operations that clients may not request now, with the reason, by the name of the operation, such as 'Reset'."""
+    cameras_note: str = ""
+    """Why there are no pictures although nothing failed; empty if there are, or if no client wants any."""
+    episode: Episode | None = None
+    """The episode of an environment; None: this is none."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):

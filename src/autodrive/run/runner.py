@@ -355,6 +355,7 @@ def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
         recording=recordings,
         own_files=UserFiles(run.options.folder),
         cameras_error=lambda: loader.cameras_error,
+        cameras_note=lambda: loader.cameras_note,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(run.options.camera_quality),
         refusal=refusal,

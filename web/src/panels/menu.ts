@@ -180,7 +180,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
 
   /** Loads another scenario; asks first if the present one has edits that are in no file. */
   async function choose(name: string): Promise<void> {
-    if (!store.hasUnsavedEdits.value || (await mayDiscard(store, 'Another scenario', save))) await load(name)
+    if (!store.hasUnsavedEdits.value || (await mayDiscard('Another scenario', save))) await load(name)
     else show()
   }
 

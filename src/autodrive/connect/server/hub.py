@@ -284,6 +284,7 @@ class Hub:
                 drivers={vehicle: client.name for vehicle, client in self._leases.drivers(now).items()},
                 bridge=self._bridge.status(now),
                 cameras_error=served.cameras_error() if self._are_pictures_wanted else "",
+                cameras_note=served.cameras_note() if self._are_pictures_wanted else "",
                 note=note or ("" if simulation.is_running else "the simulation is not running"),
                 undo=simulation.undo_name,
                 redo=simulation.redo_name,
@@ -293,6 +294,7 @@ class Hub:
                 change=self._requests.change,
                 changes=self._requests.changes,
                 clock=now,
+                episode=served.episode(),
                 refused={type(each).__name__: reason for each in OFFERED if (reason := served.refusal(each))},
             )
         )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.graphics.cameras.scene_views import SceneViews
-    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.protocol.native import Drive, Episode, ServerOperation
     from autodrive.protocol.own_files import OpenFile, OwnFile
     from autodrive.world import World
     from autodrive.world.simulation.paced import Paced
@@ -128,7 +128,9 @@ class Served:
     jpeg_encoder: JpegEncoder | None = None
     """Encodes the images of the sensor cameras; None: no pictures are sent."""
     cameras_error: Callable[[], str] = lambda: ""
-    """Why there are no pictures; empty if there are."""
+    """Why the cameras failed, so that there are no pictures; empty if they did not."""
+    cameras_note: Callable[[], str] = lambda: ""
+    """Why there are no pictures although nothing failed; empty if there are."""
     want_pictures: Callable[[bool], None] = lambda wanted: None
     """Called in the server's thread with True when the first client wants pictures, and with False when no client
     does."""
@@ -138,6 +140,8 @@ class Served:
     """Makes recordings on request."""
     own_files: OwnFiles = field(default_factory=OwnFiles)
     """Opens and saves the files of the user."""
+    episode: Callable[[], Episode | None] = lambda: None
+    """The present episode; None: this is no environment."""
     replay: Replayed | None = None
     """The recording that `simulation`, a Player, shows; None: it is a Simulation."""
     refusal: Callable[[ServerOperation | Drive], str] = lambda message: ""
