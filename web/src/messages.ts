@@ -798,6 +798,7 @@ export interface Hello {
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
+ * `ways`: whether `Ways` are sent.
  */
 export interface Subscribe {
   type: 'Subscribe'
@@ -810,6 +811,7 @@ export interface Subscribe {
   shapes?: boolean
   contacts?: boolean
   frames_of_readings?: boolean
+  ways?: boolean
 }
 
 /**
@@ -1471,6 +1473,17 @@ export interface Drawn {
 }
 
 /**
+ * Where the vehicles were between two Frames, ten times in a simulated second; sent before the second Frame.
+ *
+ * `times` [s], shape (n,). `positions` [m] by vehicle, as in `Pose`, one after the other, shape (3 n,).
+ */
+export interface Ways {
+  type: 'Ways'
+  times: Float64Array
+  positions: Record<string, Float64Array>
+}
+
+/**
  * Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
  *
  * `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
@@ -1579,7 +1592,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | SensorView | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Ways | Contacts | Picture | Rendered | SensorView | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

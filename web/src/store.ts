@@ -12,6 +12,7 @@ import type {
   Shapes,
   Starting,
   Status,
+  Ways,
   Welcome,
 } from './messages'
 import { GuardedSwitch, Observable } from './observable'
@@ -72,6 +73,8 @@ export class Store {
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)
   readonly frame = new Observable<Frame | null>(null)
+  /** Where the vehicles were since the Frame before; set before the Frame that ends it. */
+  readonly ways = new Observable<Ways | null>(null)
   /** The latest scan of each vehicle; set before the Frame that it belongs to. */
   readonly scans = new Map<string, LidarScan>()
   /** The latest camera image by `vehicle/camera`; set before the Frame that it belongs to. */
@@ -212,7 +215,7 @@ export class Store {
   /** Calls `onChange` when anything changes that an image of the 3D view depends on, except the Frame, which moves what
    * is shown; returns functions that end this. */
   watchImage(onChange: () => void): (() => void)[] {
-    const others: unknown[] = [this.frame, this.status, this.frameRate, this.imageCount, this.shownScene]
+    const others: unknown[] = [this.frame, this.status, this.frameRate, this.imageCount, this.shownScene, this.ways]
     const shown = Object.values(this).filter((value) => value instanceof Observable && !others.includes(value))
     return shown.map((observable: Observable<unknown>) => {
       let before = observable.value

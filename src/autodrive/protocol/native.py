@@ -62,6 +62,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
+    `ways`: whether `Ways` are sent.
     """
 
     frame_rate: Rate | None = 60.0
@@ -73,6 +74,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     shapes: bool = False
     contacts: bool = False
     frames_of_readings: bool = False
+    ways: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -501,6 +503,16 @@ class Drawn(msgspec.Struct, frozen=True, tag=True):
     until: float
 
 
+class Ways(msgspec.Struct, frozen=True, tag=True):
+    """Where the vehicles were between two Frames, ten times in a simulated second; sent before the second Frame.
+
+    `times` [s], shape (n,). `positions` [m] by vehicle, as in `Pose`, one after the other, shape (3 n,).
+    """
+
+    times: Array
+    positions: dict[str, Array]
+
+
 class CollisionShapes(msgspec.Struct, frozen=True, gc=False):
     """Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
 
@@ -611,6 +623,7 @@ ServerMessage: TypeAlias = (
     | Status
     | Scan
     | Drawn
+    | Ways
     | Contacts
     | Picture
     | Rendered

@@ -509,10 +509,9 @@ def test_a_flood_of_commands_does_not_stop_the_simulation_and_is_not_answered_in
 
 def test_the_status_says_that_a_script_has_ended_until_another_one_runs(simulation: Simulation) -> None:
     script = Server(lambda data: {"V1 Throttle": "0.1"}, port=0)
-    script.start()
     port = script.port
     with DevkitBridge(simulation, "127.0.0.1", port) as bridge:
-        wait_until(lambda: bridge.status == "connected" and bridge.counters.commands > 0)
+        wait_until(lambda: bridge.status == "connected" and bridge.counters.commands_received > 0)
         script.close()
         text = f"the script at 127.0.0.1:{port} has ended; the simulator connects again when it runs"
         wait_until(lambda: bridge.error == text)

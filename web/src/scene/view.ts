@@ -239,6 +239,7 @@ class View implements SceneView {
     const { store, canvas } = this
     this.cleanups.push(
       store.scene.watch((scene) => void this.showScene(scene)),
+      store.ways.watch((ways) => ways && this.trails.addWays(ways, this.wheelRadius)),
       store.frame.watch((frame) => frame && this.addFrame(frame)),
       store.quality.watch(() => this.setQuality()),
       store.rendered.watch((image) => image && this.isStreamWanted && this.remote.show(image)),
@@ -286,13 +287,16 @@ class View implements SceneView {
     })
   }
 
+  private readonly wheelRadius = (vehicle: string): number =>
+    this.store.scene.value?.vehicles[vehicle]?.wheel_radius ?? 0
+
   private addFrame(frame: Frame): void {
     // a Frame before the first Scene cannot be drawn
     const scene = this.store.scene.value
     if (!scene) return
     this.movedAt = performance.now() / 1000
     this.motion.add(frame, this.movedAt)
-    this.trails.add(frame, (vehicle) => scene.vehicles[vehicle]?.wheel_radius ?? 0)
+    this.trails.add(frame, this.wheelRadius)
   }
 
   /** Loads the assets of the Scene, then shows it. */

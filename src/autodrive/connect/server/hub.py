@@ -128,7 +128,9 @@ class Hub:
             await send({"type": "websocket.close", "code": TRY_AGAIN_LATER})
             return
         scope[IS_CLIENT] = True
-        client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
+        client = ConnectedClient(
+            self._free_name(hello.name), self.broadcast.encoded, self.broadcast.ways, scope.get(ABORT, lambda: None)
+        )
         served = self._served
         welcome = Welcome(
             PROTOCOL,
