@@ -29,7 +29,7 @@ def replay(built: Path, drive: Drive) -> Iterator[Replay]:
 def test_the_film_button_downloads_a_film_of_the_view(mini_map: PageServer, new_tab: NewTab, tmp_path: Path) -> None:
     tab = new_tab(size=(640, 480), draws=True).open(f"{mini_map.url}?quality=low#camera=birds-eye")
     tab.wait_for_image()
-    tab.show("menu")
+    tab.show("menu", tab="view")
     tab.click("film")
     count = tab.value("store.imageCount.value")
     tab.wait_until(lambda: tab.value("store.imageCount.value") > count + 5)
@@ -126,7 +126,7 @@ def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, driv
 def test_the_page_records_the_simulation_and_keeps_its_last_seconds(
     two_cars: PageServer, tab: Tab, tmp_path: Path
 ) -> None:
-    tab.show("menu")
+    tab.show("menu", tab="view")
     tab.click("record-button")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
     two_cars.request(Teleport("V1", 0.5, 0.25))

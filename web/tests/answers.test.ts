@@ -83,10 +83,8 @@ test('Connect shows that it waits for the answer', async () => {
 
 test('a button whose operation is refused is disabled, and its tooltip says why', () => {
   const { store, connection, socket } = connectedPage()
-  document.body.append(
-    toolbar(store, () => {}),
-    recorder(store, new Actions(store, connection)).button,
-  )
+  const actions = new Actions(store, connection)
+  document.body.append(toolbar(store, actions, recorder(store, actions).button, () => {}))
   store.isBuilding.value = true
   const usual = get('build-button').title
   socket.receive(statusOf({ refused: { UseMap: 'a race is in progress', StartRecording: 'not in a race' } }))

@@ -67,7 +67,7 @@ function bar(
     save: barButton('edit-save', 'Save as scenario', SAVE, 'Download the scenario as a YAML file', () => void save()),
     details: barButton(
       'edit-details',
-      'Details',
+      'Panel',
       DETAILS,
       'Show the selected thing, the next box and the sensors',
       () => {
