@@ -21,9 +21,11 @@ import { Headlights, Indicators } from './messages'
 import { banner } from './panels/banner'
 import { build } from './panels/build'
 import { connectDialog } from './panels/connect'
+import { crashHint } from './panels/crash_hint'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
+import { episode } from './panels/episode'
 import { help } from './panels/help'
 import { openMapForRaces, showOnePanelOnSmallScreens } from './panels/layout'
 import { legend } from './panels/legend'
@@ -120,7 +122,7 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-const scenarios = new Scenarios(store, connection, () => mayDiscard(store, 'Another scenario', save))
+const scenarios = new Scenarios(store, connection, () => mayDiscard('Another scenario', save))
 const recording = recorder(store, actions)
 const mainMenu = menu(store, connection, actions, recording.section, programs.open, scenarios)
 document.body.prepend(toolbar(store, actions, recording.button, keys.toggle), mainMenu)
@@ -132,7 +134,14 @@ const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
 const state = banner(store, actions)
-const hints = [state, modeHint(store, actions), streamNote(store)]
+const hints = [
+  state,
+  modeHint(store, actions),
+  streamNote(store),
+  recording.card,
+  crashHint(store, actions),
+  episode(store),
+]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
@@ -146,7 +155,7 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const mayDiscardMap = () => mayDiscard('Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
 const [still, startScreen] = start(store, actions, scenarios, openFiles, state)
 canvas.after(still)

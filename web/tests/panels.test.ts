@@ -429,7 +429,7 @@ describe('notices', () => {
     const { store, texts } = page()
     store.events.value = [hit('V1'), hit('V2')]
     store.events.value = [hit('V1')]
-    expect(texts()).toEqual(['V1 hit wall× 2', 'V2 hit wall'])
+    expect(texts()).toEqual(['V1 hit the wall× 2', 'V2 hit the wall'])
     store.events.value = [{ type: 'OffRoad', time: 0, vehicle: 'V1', position }]
     expect(texts().at(-1)).toBe('V1 left the road')
   })

@@ -189,12 +189,15 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   }
 }
 
+/** No film is made. */
+export const FILM = { state: 'off', name: '', share: 0, error: '' } as const
+
 export function statusOf(values: Partial<Status> = {}): Status {
   const rates = { telemetry_rate: 0, command_rate: 0, round_trip: null, devkit: '', note: '' }
   return {
     ...{ type: 'Status', is_paused: false, speed: 1, real_time_factor: 1, late_ticks: 0, clients: 1, drivers: {} },
     bridge: { address: '127.0.0.1:4567', state: 'closed', error: '', ...rates },
-    recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '' },
+    recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '', download: '', film: FILM },
     ...{
       cameras_error: '',
       note: '',
@@ -206,6 +209,8 @@ export function statusOf(values: Partial<Status> = {}): Status {
       changes: 0,
       clock: 0,
       refused: {},
+      cameras_note: '',
+      episode: null,
       ...values,
     },
   }

@@ -62,6 +62,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
+    `ways`: whether `Ways` are sent.
     """
 
     frame_rate: Rate | None = 60.0
@@ -73,6 +74,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     shapes: bool = False
     contacts: bool = False
     frames_of_readings: bool = False
+    ways: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -417,6 +419,22 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """The map as it can be edited if it is a race track."""
 
 
+class Episode(msgspec.Struct, frozen=True):
+    """The episode of an environment that is shown, and how the cars have fared in those before it."""
+
+    task: str
+    number: int
+    """The first episode is 1."""
+    cars: dict[str, Literal["drives", "succeeded", "failed"]]
+    """What each car does in this episode."""
+    gap: float | None = None
+    """How far the first car is ahead of the second one along the track [m]; None: it is no race."""
+    succeeded: int = 0
+    """Cars that succeeded in the episodes before, each counted once in each episode."""
+    ended: int = 0
+    """All cars of the episodes before, each counted once in each episode."""
+
+
 class BridgeStatus(msgspec.Struct, frozen=True):
     """State of the connection to a devkit script; `error` is the reason why there is none."""
 
@@ -448,7 +466,7 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Vehicle -> name of the client that drives it. Vehicles without a driver are omitted."""
     bridge: BridgeStatus
     cameras_error: str = ""
-    """Why there are no pictures; empty if there are, or if no client wants any."""
+    """Why the cameras failed; empty if they did not, or if no client wants pictures."""
     note: str = ""
     """A long operation in progress, for example the loading of a scenario."""
     undo: str = ""
@@ -469,6 +487,10 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
     refused: dict[str, str] = {}
     """Operations that clients may not request now, with the reason, by the name of the operation, such as 'Reset'."""
+    cameras_note: str = ""
+    """Why there are no pictures although nothing failed; empty if there are, or if no client wants any."""
+    episode: Episode | None = None
+    """The episode of an environment; None: this is none."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):
@@ -484,6 +506,16 @@ class Drawn(msgspec.Struct, frozen=True, tag=True):
     name: str
     drawing: Drawing | None
     until: float
+
+
+class Ways(msgspec.Struct, frozen=True, tag=True):
+    """Where the vehicles were between two Frames, ten times in a simulated second; sent before the second Frame.
+
+    `times` [s], shape (n,). `positions` [m] by vehicle, as in `Pose`, one after the other, shape (3 n,).
+    """
+
+    times: Array
+    positions: dict[str, Array]
 
 
 class CollisionShapes(msgspec.Struct, frozen=True, gc=False):
@@ -596,6 +628,7 @@ ServerMessage: TypeAlias = (
     | Status
     | Scan
     | Drawn
+    | Ways
     | Contacts
     | Picture
     | Rendered

@@ -236,8 +236,9 @@ def opened(
         scenario=lambda: loader.scenario,
         encoder=encoder,
         bridge=lambda: run.bridge.status,
+        page=options.page,
     )
-    stack.callback(recordings.stop_now)
+    stack.callback(recordings.close)
     if options.record is not None:
         run.recorder = stack.enter_context(_recorder(run, options.record))
     stack.callback(simulation.stop)
@@ -361,6 +362,7 @@ def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
         recording=recordings,
         own_files=UserFiles(run.options.folder),
         cameras_error=lambda: loader.cameras_error,
+        cameras_note=lambda: loader.cameras_note,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(run.options.camera_quality),
         refusal=refusal,

@@ -157,10 +157,15 @@ class WorldLoader:
 
     @property
     def cameras_error(self) -> str:
-        """Why there are no camera images; empty if there are."""
-        if self.cameras is not None:
-            return self.cameras.error
-        return "cameras are disabled by --no-cameras" if self._options.pictures == "never" else ""
+        """Why the cameras failed; empty if they did not."""
+        return "" if self.cameras is None else self.cameras.error
+
+    @property
+    def cameras_note(self) -> str:
+        """Why there are no camera images although nothing failed; empty if there are."""
+        return (
+            "the camera images are off; the option --cameras turns them on" if self._options.pictures == "never" else ""
+        )
 
     @property
     def _is_wanted(self) -> bool:
