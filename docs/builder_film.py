@@ -52,7 +52,7 @@ window.drawFilm = () => new Promise((drawn) => frame((now) => {
   for (const draw of all) draw(now)
   drawn()
 }))
-localStorage.setItem('autodrive.first-steps', 'seen')
+localStorage.setItem('autodrive.tour', 'seen')
 addEventListener('DOMContentLoaded', () => {
   const add = (id, style) => {
     const one = document.body.appendChild(document.createElement('div'))
@@ -277,8 +277,8 @@ def town(film: Film) -> None:
         film.edit(lambda: film.press("Enter"))
     film.caption("C closes the loop", 1.0)
     film.edit(lambda: film.press("c"))
-    film.caption("The list of problems has the other open ends", 1.0)
-    close = page.get_by_test_id("build-problems").get_by_text("Close the loop").first
+    film.caption("Close all closes the other open ends, too", 1.0)
+    close = page.get_by_test_id("build-close-all")
     close.scroll_into_view_if_needed()
     film.take(1.0)
     film.edit(lambda: film.click_at(close), 1.5)
@@ -346,7 +346,8 @@ def link(film: Film) -> None:
     film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
     film.click("build-save")
     film.take(2.0)
-    film.click("save-map-link")
+    page.get_by_test_id("save-kind").select_option("link")
+    film.click("save-map-save")
     film.wait(lambda: page.get_by_test_id("map-link").is_visible())
     film.caption("Send the link", 3.0)
     address = page.get_by_test_id("map-link").inner_text()

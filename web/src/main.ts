@@ -21,12 +21,13 @@ import { Headlights, Indicators } from './messages'
 import { banner } from './panels/banner'
 import { build } from './panels/build'
 import { connectDialog } from './panels/connect'
+import { crashHint } from './panels/crash_hint'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
-import { firstSteps } from './panels/first_steps'
+import { episode } from './panels/episode'
 import { help } from './panels/help'
-import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { openMapForRaces, showOnePanelOnSmallScreens } from './panels/layout'
 import { legend } from './panels/legend'
 import { askAboutLinkChanges } from './panels/link_changes'
 import { logPanel } from './panels/log'
@@ -37,17 +38,20 @@ import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
 import { askPicture } from './panels/picture_dialog'
 import { mayDiscard, saveScenario } from './panels/save_dialog'
+import { start } from './panels/start'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { tour } from './panels/tour'
 import { track } from './panels/track'
 import { VehicleEvents } from './panels/vehicle_events'
 import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
+import { Scenarios } from './scenarios'
 import { listenToFlyPointer } from './scene/flight'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
@@ -60,16 +64,16 @@ learnKeyCaps()
 const canvas = document.querySelector<HTMLCanvasElement>('#scene')
 if (!canvas) throw new Error('index.html has no canvas')
 const store = new Store()
-openPanelsOnWideScreens(store)
 const worker = new Worker(new URL('./worker/worker.ts', import.meta.url), { type: 'module' })
 const connection = new Connection(store, worker)
 const actions = new Actions(store, connection)
 const driver = new Driver(store, connection)
-const keys = help()
+const keys = help(() => guide.start())
 const trails = new Trails()
 const proposeFromLink = askAboutLinkChanges(store)
 followViewInLink(store, actions, proposeFromLink)
 const programs = connectDialog(store)
+const guide = tour(store, programs.open)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
 const trackBuilder = new TrackBuilder(store, actions)
@@ -118,26 +122,27 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-const bar = toolbar(store, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open, save)
-document.body.prepend(bar, mainMenu)
+const scenarios = new Scenarios(store, connection, () => mayDiscard('Another scenario', save))
 const recording = recorder(store, actions)
-mainMenu.append(recording.section)
+const mainMenu = menu(store, connection, actions, recording.section, programs.open, scenarios)
+document.body.prepend(toolbar(store, actions, recording.button, keys.toggle), mainMenu)
 mainMenu.querySelector('.tools')?.append(filmButton(store, canvas))
-bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
 const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
+const state = banner(store, actions)
 const hints = [
-  banner(store, actions),
+  state,
   modeHint(store, actions),
   streamNote(store),
-  firstSteps(programs.open, keys.toggle),
+  recording.card,
+  crashHint(store, actions),
+  episode(store),
 ]
-document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
   dock,
@@ -150,14 +155,18 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const mayDiscardMap = () => mayDiscard('Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
-document.body.append(...edit(store, editor, view, save))
+const [still, startScreen] = start(store, actions, scenarios, openFiles, state)
+canvas.after(still)
+document.body.append(startScreen, ...edit(store, editor, view, save))
+/** Shows the whole map or race track in Build mode. */
+const showAll = () => (trackBuilder.line ? trackBuilder : builder).showAll()
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
-document.body.append(...build(store, builder, editor, view, files, vehicleEvents))
+document.body.append(...build(store, builder, editor, view, showAll, files, vehicleEvents))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
-listenToBuildKeys(store, builder, editor, () => driver.stop())
+listenToBuildKeys(store, builder, editor, showAll, () => driver.stop())
 listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver, store)
 listenToFlyPointer(store, canvas)

@@ -35,16 +35,18 @@ const OTHERS: Record<string, readonly [string, string][]> = {
   'Build mode': [
     ['Click', 'On an open end: offer pieces; on a piece: select it, then drag it'],
     ['{KeyN}', 'Go to the next open end'],
-    ['← | →', 'Another piece'],
+    ['Page Up | Page Down', 'Another piece'],
+    ['Arrows', 'Move the piece in hand or what is selected by 10 cm; with Shift by 1 cm'],
     ['{KeyR} | Shift | {KeyR}', 'Turn to the next or previous end'],
     ['{KeyM}', 'Mirror'],
     ['{KeyC}', 'Close the loop'],
     ['Enter', 'Set the piece'],
     ['Shift', 'With a click: select several pieces; with a drag: a rectangle; with a piece in hand: do not snap'],
     ['{KeyG}', 'Select the connected pieces'],
-    ['Delete', 'Remove what is selected'],
+    ['Delete', 'Remove what is selected or in hand'],
     ['Ctrl | D', 'Take a copy of what is selected'],
-    ['Esc', 'Put the piece away; then leave'],
+    ['Home', 'Show the whole map'],
+    ['Esc', 'Delete the piece in hand; then select nothing'],
   ],
   'Race track in Build mode': [
     ['Drag', 'Move a point; a click on the line adds one'],
@@ -68,9 +70,14 @@ export function positionNote(): HTMLElement {
   return note
 }
 
-export function help(): { element: HTMLDialogElement; toggle: () => void } {
+/** `startTour` begins the tour of the page. */
+export function help(startTour: () => void): { element: HTMLDialogElement; toggle: () => void } {
   const body = h('div', { class: 'help-body' }, ...lists())
   const close = () => element.close()
+  const begin = () => {
+    close()
+    startTour()
+  }
   const element = h(
     'dialog',
     {
@@ -86,7 +93,13 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
         element.close()
       },
     },
-    h('header', {}, h('h2', {}, 'Keys and controls'), h('button', { testid: 'help-close', onclick: close }, 'Close')),
+    h(
+      'header',
+      {},
+      h('h2', {}, 'Keys and controls'),
+      h('button', { class: 'live', testid: 'help-tour', onclick: begin }, 'Start the tour'),
+      h('button', { testid: 'help-close', onclick: close }, 'Close'),
+    ),
     positionNote(),
     body,
   )

@@ -2,6 +2,7 @@
 import type { HudRow } from '../channels'
 import { HUD_ROWS } from '../channels'
 import { lapTime } from '../lap_time'
+import { touched } from '../log'
 import type { Frame } from '../messages'
 import { RaceStatus } from '../messages'
 import { h, setText } from './element'
@@ -58,7 +59,13 @@ function bar(): { element: HTMLElement; set: (share: number) => void } {
   }
 }
 
-/** Time, speed, gear, actuators, lamps, road and collisions. */
+/** Speed, gear and driving mode. */
+export function driving(rows: Rows): Section {
+  const list = h('dl', { class: 'motion' }, signalRow(rows, 'speed'), signalRow(rows, 'gear'), signalRow(rows, 'mode'))
+  return { element: h('section', { class: 'driving', 'aria-label': 'Driving' }, list), refresh: () => {} }
+}
+
+/** Time, actuators, lamps, road and collisions. */
 export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
   const throttleBar = bar()
   const steeringBar = bar()
@@ -77,7 +84,6 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       row(rows, 'frame-rate', 'Frame Rate', 'Frames per second of the 3D view'),
       row(rows, 'rtf', 'Real Time', 'Simulated seconds per second of wall time'),
     ),
-    h('dl', { class: 'motion' }, signalRow(rows, 'speed'), signalRow(rows, 'gear'), signalRow(rows, 'mode')),
     h(
       'dl',
       { class: 'actuators' },
@@ -106,7 +112,7 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       const count = vehicle?.collision_count ?? 0
       collisions.dataset.state = count > 0 ? 'some' : 'none'
       const isShown = last !== null && count > 0
-      setText(lastCollision, isShown ? `${last.other}, ${fixed(last.impulse)} N s` : '')
+      setText(lastCollision, isShown ? `${touched(last.other, null)}, ${fixed(last.impulse)} N s` : '')
       lastCollision.title = isShown ? `Last collision, at ${clock(last.time)}` : ''
     },
   }

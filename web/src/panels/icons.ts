@@ -1,6 +1,10 @@
 // Icon paths on a 24 x 24 grid, for `icon`.
 
 export const MENU = 'M4 7h16M4 12h16M4 17h16'
+// a steering wheel
+export const MODE =
+  'M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18M12 10a2 2 0 1 0 0 4 2 2 0 0 0 0-4M10 12H3.2M14 12h6.8M12 14v6.8'
+export const RESET = 'M5 4v5h5M5.5 9A8 8 0 1 1 4 13'
 export const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
 export const LEFT_INDICATOR = 'M10.5 5.5 3.5 12l7 6.5V15H20V9h-9.5z'
 export const RIGHT_INDICATOR = 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z'
@@ -12,6 +16,7 @@ export const EDIT = 'M4 20l1-5L16 4l4 4L9 19zM14 6l4 4'
 export const BUILD = 'M4 20V9a5 5 0 0 1 5-5h11M10 20V10h10M7 20v-3M7 13v-3M12 7h3'
 export const MIRROR = 'M12 3v18M9 7 4 17h5zM15 7l5 10h-5z'
 export const COPY = 'M9 9h11v11H9zM5 15H4V4h11v1'
+export const SHOW_ALL = 'M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5M9 9h6v6H9z'
 export const LOOP = 'M14 5H8a5 5 0 0 0 0 14h8a5 5 0 0 0 4.6-7M17 2l-3 3 3 3'
 export const SET = 'M5 12.5 10 17 19.5 7'
 export const CAMERA = 'M4 8h3l2-3h6l2 3h3v11H4zM12 9.5a3.5 3.5 0 1 1 0 7a3.5 3.5 0 1 1 0-7'

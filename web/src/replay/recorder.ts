@@ -7,8 +7,10 @@ import { h, icon, setText } from '../panels/element'
 import { choice, labelled, section } from '../panels/fields'
 import { clock } from '../panels/hud_rows'
 import { RECORD } from '../panels/icons'
+import { busy, disableWhenRefused } from '../panels/pending'
 import { loadPreference, savePreference } from '../panels/preferences'
 import type { Store } from '../store'
+import { recordedCard } from './recorded_card'
 
 /** What is kept: everything, or the last seconds until they are saved. */
 const KEPT: Record<string, string> = {
@@ -25,6 +27,8 @@ export interface Recorder {
   touchButton: HTMLElement
   /** For the menu. */
   section: HTMLElement
+  /** What to do with the recording that is complete. */
+  card: HTMLElement
 }
 
 export function recorder(store: Store, actions: Actions): Recorder {
@@ -42,7 +46,7 @@ export function recorder(store: Store, actions: Actions): Recorder {
     icon(RECORD),
   )
   const start = h('button', { testid: 'record', onclick: () => void toggle() })
-  const save = h('button', { testid: 'save-recording', onclick: () => void saveKept() }, 'Save')
+  const save = h('button', { testid: 'save-recording', onclick: () => void busy(save, saveKept) }, 'Save')
   const keep = choice('recording-keep', (value) => savePreference('recording-keep', value))
   keep.append(...Object.entries(KEPT).map(([value, label]) => h('option', { value }, label)))
   const known = loadPreference('recording-keep')
@@ -53,28 +57,36 @@ export function recorder(store: Store, actions: Actions): Recorder {
   const status = () => store.status.value?.recording
   const isOn = () => (status()?.state ?? 'off') !== 'off'
 
-  async function toggle(): Promise<void> {
+  const card = recordedCard(store, actions)
+  const buttons = [button, touchButton, start]
+  for (const each of buttons) disableWhenRefused(store, each, 'StartRecording')
+  const toggle = () => busy(buttons, startOrStop)
+
+  async function startOrStop(): Promise<void> {
     if (!isOn()) {
       const seconds = Number(keep.value)
-      await actions.request({ type: 'StartRecording', keep: Number.isNaN(seconds) ? null : seconds })
+      const request = { type: 'StartRecording', keep: Number.isNaN(seconds) ? null : seconds } as const
+      if (await actions.request(request)) await nextStatus(store)
       return
     }
+    const { duration = 0 } = status() ?? {}
     const file = await actions.textOf({ type: 'StopRecording' })
-    if (file) store.notice.value = `Recorded ${file}.`
+    if (file) card.show(duration)
+    if (file !== null) await nextStatus(store)
   }
 
   async function saveKept(): Promise<void> {
     const file = await actions.textOf({ type: 'SaveRecording' })
-    if (file) store.notice.value = `Saved ${file}.`
+    if (file) card.show(status()?.duration ?? 0)
   }
 
   store.status.watch((now) => {
     const recording = now?.recording
     const isRecording = isOn()
-    for (const one of [button, touchButton, start]) one.setAttribute('aria-pressed', String(isRecording))
+    for (const one of buttons) one.setAttribute('aria-pressed', String(isRecording))
     const label = isRecording ? 'Stop the recording' : 'Record the simulation'
     for (const one of [button, touchButton]) {
-      one.title = label
+      if (!one.disabled) one.title = label
       one.setAttribute('aria-label', label)
       one.classList.toggle('is-keeping', recording?.state === 'keeping')
     }
@@ -88,8 +100,21 @@ export function recorder(store: Store, actions: Actions): Recorder {
   return {
     button,
     touchButton,
+    card: card.element,
     section: section('Recording', h('div', { class: 'tools' }, start, save), labelled('Keep', keep), state, error),
   }
+}
+
+/** Waits for the Status that shows what a request has done: until then, the button would ask for the same again. */
+function nextStatus(store: Store): Promise<void> {
+  const before = store.status.value
+  return new Promise((resolve) => {
+    const stop = store.status.watch((status) => {
+      if (status === before) return
+      queueMicrotask(() => stop())
+      resolve()
+    })
+  })
 }
 
 function text({ state, file, duration, size, dropped }: RecordingStatus): string {

@@ -45,6 +45,13 @@ KINDS: dict[type, RequestKind] = {
 }
 """Kinds of operations; others of the server are `OF_SERVER`, others of the simulation are short requests."""
 
+OFFERED: tuple[native.ServerOperation, ...] = (
+    *(messages.Reset(), messages.Pause(), messages.Step(), messages.SetSpeed(1.0), messages.LoadScenario("")),
+    *(messages.SetDrivingMode("", False), messages.SetWeather(), messages.SetTrafficLight("", None)),
+    *(messages.Place("", 0.0, 0.0), messages.UseMap(), native.ConnectBridge(), replay.StartRecording()),
+)
+"""Operations for which a page has a button, as examples: those that are refused are in the Status."""
+
 
 class ServerOperations:
     """What the server executes beside the simulation, in its event loop. All of it raises `AutodriveError`."""
@@ -61,6 +68,8 @@ class ServerOperations:
             replay.StartRecording: lambda request: self._record(recording.start, request.keep),
             replay.StopRecording: lambda _: self._record(recording.stop),
             replay.SaveRecording: lambda _: self._record(recording.save),
+            replay.FilmRecording: lambda request: self._record(recording.film, request),
+            replay.ReplayRecording: lambda _: self._record(recording.replay),
             replay.PlotRecording: partial(asyncio.to_thread, self._curves),
             own_files.ListFiles: partial(asyncio.to_thread, lambda _: Answer(files=served.own_files.listed())),
             own_files.SaveFile: partial(asyncio.to_thread, self._saved_file),
