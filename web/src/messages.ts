@@ -929,6 +929,7 @@ export interface MapProblem {
   parts: (string)[]
   repair: Record<string, MapModule | MapWall | MapBlock | MapProp>
   vehicle: string
+  place: [number, number, number] | null
 }
 
 /**
@@ -954,6 +955,7 @@ export interface MapScene {
   props: (string)[]
   templates: Record<string, string>
   advice: (MapProblem)[]
+  faces: Record<string, string>
 }
 
 /**

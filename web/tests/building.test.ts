@@ -55,7 +55,16 @@ function part(module: string, x: number, y: number, yaw = 0): MapModule {
 
 function mapOf(parts: Record<string, MapModule> = {}, ports: MapScene['ports'] = {}): MapScene {
   const modules = { curve: CURVE, lane: NARROW, lawn: LAWN, parking: PARKING, straight: STRAIGHT }
-  return { parts, ports, problems: [], modules, props: ['stop'], templates: { oval: 'Oval' }, advice: [] }
+  return {
+    parts,
+    ports,
+    problems: [],
+    modules,
+    props: ['stop'],
+    templates: { oval: 'Oval' },
+    advice: [],
+    faces: { stop: 'scene/stop.svg' },
+  }
 }
 
 const opened: Store[] = []
@@ -381,14 +390,23 @@ test('the palette is searched and shows what fits', () => {
   page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
   const visible = () =>
     [...document.querySelectorAll<HTMLElement>('.piece')].filter((one) => !one.hidden).map((one) => one.dataset.piece)
-  expect(visible()).toEqual(['curve', 'lane', 'lawn', 'parking', 'straight', 'wall', 'block', 'sign-stop'])
+  const choose = (tab: string) =>
+    document.querySelector<HTMLElement>(`[data-testid="build-tabs"] button[value="${tab}"]`)?.click()
+  expect(visible()).toEqual(['curve', 'lane', 'parking', 'straight'])
+  choose('signs')
+  expect(visible()).toEqual(['sign-stop'])
+  expect(document.querySelector<HTMLImageElement>('[data-piece="sign-stop"] img')?.src).toContain('scene/stop.svg')
+  choose('things')
+  expect(visible()).toEqual(['lawn', 'wall', 'block'])
   press('KeyN')
   expect(visible()).toEqual(['curve', 'parking', 'straight'])
   press('Escape')
   const search = document.querySelector<HTMLInputElement>('[data-testid="build-search"]')
   if (search) search.value = 'curv'
   search?.dispatchEvent(new Event('input'))
-  expect(visible()).toEqual(['curve'])
+  expect(visible()).toEqual(['curve']) // of all tabs
+  choose('things')
+  expect(visible()).toEqual(['lawn', 'wall', 'block'])
 })
 
 const shownText = (testid: string) => document.querySelector(`[data-testid="${testid}"]`)?.textContent
@@ -397,7 +415,7 @@ const click = (testid: string) => document.querySelector<HTMLElement>(`[data-tes
 test('errors have words, a place and a repair; open ends are no errors', () => {
   const parts = { road_1: part('straight', 0, 0), road_2: part('straight', 0.65, 0) }
   const repair = { road_2: { ...parts.road_2, x: 0.6 } }
-  const at = { x: 0.3, y: 0, vehicle: '' }
+  const at = { x: 0.3, y: 0, vehicle: '', place: null }
   const { builder, socket } = page({
     ...mapOf(parts, AT_EAST),
     problems: [
@@ -437,8 +455,17 @@ test('all open ends are closed, shown one after the other, or may stay open', as
   await vi.waitFor(() => expect(store.warning.value).toContain('1 open end is left'))
 })
 
-test('advice on a vehicle beside the road stays until the vehicle is back on a road', () => {
-  const outside = { kind: 'outside', text: "'V1' is off", x: 0, y: 0, parts: [], repair: {}, vehicle: 'V1' }
+test('advice on a vehicle beside the road stays until it is back; a button puts it on the nearest road', () => {
+  const outside = {
+    kind: 'outside',
+    text: "'V1' is off",
+    x: 0,
+    y: 0,
+    parts: [],
+    repair: {},
+    vehicle: 'V1',
+    place: [1, 2, 3] as [number, number, number],
+  }
   const { socket, vehicleEvents } = page({ ...mapOf(), advice: [outside] })
   const event = { vehicle: 'V1', time: 1, position: new Float64Array(3) }
   const shown = (x: number) => {
@@ -449,6 +476,10 @@ test('advice on a vehicle beside the road stays until the vehicle is back on a r
     return document.querySelectorAll('.problems li').length
   }
   expect(shown(0)).toBe(1)
+  const put = [...document.querySelectorAll<HTMLElement>('[data-testid="build-advice"] button')][1]
+  expect(put.textContent).toBe('Put V1 on the nearest road')
+  put.click()
+  expect(socket.request).toMatchObject({ type: 'Place', name: 'V1', x: 1, y: 2, yaw: 3 })
   vehicleEvents.add([{ type: 'OffRoad', ...event }])
   expect(shown(0.6)).toBe(1)
   vehicleEvents.add([{ type: 'BackOnRoad', ...event }])

@@ -277,8 +277,11 @@ def test_a_vehicle_whose_road_is_removed_stands_and_is_off_the_road() -> None:
     assert [event.vehicle for event in off] == ["V1"]
     assert frames[-1].vehicles["V1"].pose.position == pytest.approx(position, abs=1e-3)
     (advice,) = (problem for problem in building.scene.advice if problem.kind == "outside")
-    assert "'V1' stands beside the drivable area" in advice.text
+    assert advice.text == "'V1' stands beside the road."
     assert (advice.x, advice.y) == pytest.approx(tuple(position[:2]), abs=1e-3)
+    assert advice.place is not None
+    building.ask(Place("V1", *advice.place))
+    assert [problem for problem in building.scene.advice if problem.kind == "outside"] == []
 
 
 def test_parts_without_a_name_keep_theirs_when_an_earlier_one_is_removed() -> None:

@@ -522,7 +522,12 @@ export class Builder {
     if (!port) return
     // traffic keeps right: the lane lies a quarter of the road to the right of its middle
     const [x, y] = inMap(port, 0, 0.25 * port.width)
-    await this.request({ type: 'Place', name: this.store.vehicle.value, x, y, yaw: wrapped(port.yaw + Math.PI) })
+    await this.placeAt(this.store.vehicle.value, [x, y, wrapped(port.yaw + Math.PI)])
+  }
+
+  /** Places a vehicle, also where it starts after a reset [m, rad]. */
+  placeAt(name: string, [x, y, yaw]: readonly [x: number, y: number, yaw: number]): Promise<boolean> {
+    return this.request({ type: 'Place', name, x, y, yaw })
   }
 
   /** Shows where a problem is. */
