@@ -16,6 +16,7 @@ import {
   snapped,
   transformTo,
 } from '../src/building/fitting'
+import { TrackBuilder } from '../src/building/track_builder'
 import { UserFiles } from '../src/building/user_files'
 import { Editor } from '../src/editing/editor'
 import type { Projection } from '../src/editing/outline'
@@ -71,7 +72,7 @@ const opened: Store[] = []
 
 const yes = () => Promise.resolve(true)
 
-function page(map: MapScene = mapOf()) {
+function page(map: MapScene = mapOf(), mayReplace = yes) {
   const it = connectedPage(['V1'])
   const scene = { ...sceneOf(['V1']), map_scene: map }
   it.socket.receive(scene)
@@ -79,14 +80,17 @@ function page(map: MapScene = mapOf()) {
   const builder = new Builder(it.store, actions)
   const editor = new Editor(it.store, actions)
   const userFiles = new UserFiles(it.store, actions)
-  const files = { userFiles, openFiles: async () => {}, save: yes, mayDiscard: yes }
+  const files = { userFiles, openFiles: async () => {}, save: yes, mayReplace }
+  const trackBuilder = new TrackBuilder(it.store, actions)
   const vehicleEvents = new VehicleEvents()
   const showAll = vi.fn()
-  document.body.append(...build(it.store, builder, editor, () => null, showAll, files, vehicleEvents))
+  document.body.append(
+    ...build(it.store, { builder, trackBuilder, editor, view: () => null, showAll, files, vehicleEvents }),
+  )
   listenToBuildKeys(it.store, builder, editor, showAll, () => {})
   it.store.isBuilding.value = true
   opened.push(it.store)
-  return { ...it, builder, vehicleEvents, showAll }
+  return { ...it, actions, builder, vehicleEvents, showAll }
 }
 
 function press(code: string, options: KeyboardEventInit = {}): void {
@@ -429,7 +433,7 @@ test('errors have words, a place and a repair; open ends are no errors', () => {
     'Road 1 and Road 2 do not meet: 5.0 cm are between their ends.',
     'Wall 1 stands on a lane of Road 1. Move it.',
   ])
-  expect(document.querySelector('.checks h2')?.textContent).toBe('2 errors')
+  expect(document.querySelector('.checks:not([hidden]) h2')?.textContent).toBe('2 errors')
   const [show, mend] = [...items[0].querySelectorAll('button')]
   show.click()
   expect(builder.selected.value).toEqual(['road_2'])
@@ -443,7 +447,7 @@ test('all open ends are closed, shown one after the other, or may stay open', as
   const ports = { road: { east: port(0.3, 0, 0), west: port(-0.3, 0, Math.PI) } }
   const { builder, socket, store } = page(mapOf({ road }, ports))
   expect(shownText('build-ends-state')).toBe('2 open ends')
-  expect(document.querySelector('.checks h2')?.textContent).toBe('No errors')
+  expect(document.querySelector('.checks:not([hidden]) h2')?.textContent).toBe('No errors')
   click('build-leave-open')
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: { open: ['east', 'west'] } } })
   click('build-next-end')
@@ -518,4 +522,74 @@ test('undo and redo are those of the simulator, and Edit mode ends', () => {
   socket.receive(statusOf({ undo: 'add curve_1' }))
   press('KeyZ', { key: 'z', ctrlKey: true })
   expect(socket.request).toMatchObject({ type: 'Undo' })
+})
+
+test('a map that the traffic forbids is built without traffic if the user agrees', async () => {
+  const { actions, builder, socket, store } = page()
+  const car = { ...vehicleOf(), is_traffic: true }
+  socket.receive(frameOf(['V1'], { vehicles: { V1: vehicleOf(), traffic_1: car } }))
+  const why = "scenario.traffic: map 'empty' has no closed way of lanes"
+  let may = false
+  actions.mayRemoveTraffic = (text) => {
+    expect(text).toContain('no closed way of lanes')
+    return Promise.resolve(may)
+  }
+  const refused = builder.use({ name: 'empty' })
+  socket.respond(why)
+  expect(await refused).toBe(false)
+  expect(store.error.value).toBe('')
+  may = true
+  const used = builder.use({ name: 'empty' })
+  socket.respond(why)
+  await vi.waitFor(() => expect(socket.request).toMatchObject({ type: 'RemoveTraffic' }))
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(socket.request).toMatchObject({ type: 'UseMap', name: 'empty' }))
+  socket.respond(frameOf(['V1']))
+  expect(await used).toBe(true)
+})
+
+test('a race track has the tools of points in the bar, a map those of pieces; the panel is hidden and shown', () => {
+  const { socket } = page()
+  const button = (testid: string) => document.querySelector<HTMLButtonElement>(`[data-testid="${testid}"]`)
+  expect([button('build-turn')?.hidden, button('track-add')?.hidden]).toEqual([false, true])
+  expect(button('build-details')?.textContent).toBe('Panel')
+  button('build-details')?.click()
+  expect(document.querySelector<HTMLElement>('#build')?.hidden).toBe(true)
+  button('build-details')?.click()
+  const points = [[0, -4], [6, 0], [0, 4], [-6, 0]] as [number, number][] // biome-ignore format: points
+  const line = { points, width: 1.2, barrier: 'wall' as const }
+  const track_scene = { line, is_exact: true, problems: [], templates: {} }
+  socket.receive({ ...sceneOf(['V1']), map_scene: null, track_scene })
+  const shown = [...document.querySelectorAll<HTMLButtonElement>('.edit-tools button')].filter((one) => !one.hidden)
+  expect(shown.map((one) => one.textContent)).toEqual([
+    ...[
+      'Add a point',
+      'Delete',
+      'Start line here',
+      'Reverse',
+      'Undo',
+      'Redo',
+      'Show all',
+      'Save',
+      'Panel',
+      'Done',
+    ],
+  ])
+  expect(button('track-remove')?.disabled).toBe(true)
+  expect(button('build-template')?.closest('details')?.open).toBe(true)
+})
+
+test('another map, a new track and a random track ask before they replace unsaved edits', async () => {
+  const mayReplace = vi.fn(() => Promise.resolve(false))
+  const { socket, store } = page(mapOf(), mayReplace)
+  const sent = socket.sent.length
+  store.hasUnsavedEdits.value = true
+  const select = document.querySelector<HTMLSelectElement>('[data-testid="build-template"]')
+  if (select) select.value = 'oval'
+  select?.dispatchEvent(new Event('change'))
+  click('track-new')
+  click('track-random')
+  await vi.waitFor(() => expect(mayReplace).toHaveBeenCalledTimes(3))
+  await new Promise((done) => setTimeout(done))
+  expect(socket.sent.length).toBe(sent)
 })

@@ -430,6 +430,10 @@ class CloseLoop(msgspec.Struct, frozen=True, tag=True):
     other_port: Name = ""
 
 
+class RemoveTraffic(msgspec.Struct, frozen=True, tag=True):
+    """Remove the traffic of the scenario: on some maps, and on race tracks, traffic cannot drive."""
+
+
 class TrackLine(msgspec.Struct, frozen=True):
     """A track by points x, y [m] of a smooth closed line, in driving direction; `width` between the barriers [m].
 
@@ -481,7 +485,9 @@ class SaveMap(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack
+Edit: TypeAlias = (
+    Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack
+)
 
 Operation: TypeAlias = (
     Reset

@@ -33,6 +33,7 @@ from autodrive.protocol.messages import (
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Teleport,
     Undo,
@@ -496,3 +497,19 @@ def test_a_module_too_many_is_refused_and_nothing_is_lost() -> None:
         building.ask(EditMap({"another": MapModule("lawn", -4.0, -4.0)}))
     assert {*building.scene.parts} == {*lawns}
     assert building.simulation.undo_name == "add 1000 parts of the map"
+
+
+def test_traffic_forbids_a_map_without_closed_lanes_until_it_is_removed() -> None:
+    building = Building("traffic")
+    cars = {name for name, vehicle in building.world.frame.vehicles.items() if vehicle.is_traffic}
+    assert cars
+    with pytest.raises(AutodriveError, match="traffic has .* cars"):
+        building.ask(UseMap("empty"))
+    building.ask(RemoveTraffic())
+    assert building.simulation.undo_name == "remove the traffic"
+    assert not cars & {*building.world.frame.vehicles}
+    building.ask(UseMap("empty"))
+    with pytest.raises(CommandError, match="the scenario has no traffic"):
+        building.ask(RemoveTraffic())
+    building.ask(Undo(), Undo())
+    assert cars < {*building.world.frame.vehicles}

@@ -39,6 +39,7 @@ from autodrive.protocol.messages import (
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Resume,
     SaveMap,
@@ -369,6 +370,10 @@ class Client:
     def remove_box(self, name: str) -> Frame:
         """Remove a movable box."""
         return self.connection.request(RemoveBox(name))
+
+    def remove_traffic(self) -> Frame:
+        """Remove the traffic of the scenario, for example before a map on which it cannot drive."""
+        return self.connection.request(RemoveTraffic())
 
     def set_sensor(
         self,

@@ -26,6 +26,7 @@ from autodrive.protocol.messages import (
     Pause,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Resume,
     SetSensor,
     Undo,
@@ -46,7 +47,7 @@ from autodrive.protocol.own_files import ImportTrack
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
 LOADED = (
-    *(LoadScenario, AddBox, RemoveBox, SetSensor),
+    *(LoadScenario, AddBox, RemoveBox, SetSensor, RemoveTraffic),
     *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack, ImportTrack),
     *(Undo, Redo),
 )

@@ -33,6 +33,7 @@ KINDS: dict[type, RequestKind] = {
     messages.SetWeather: RequestKind(is_replaced=True, change="changed the weather"),
     messages.LoadScenario: RequestKind("build", is_replaced=True, is_common=True, change="loaded a scenario"),
     **dict.fromkeys((messages.Place, messages.AddBox, messages.RemoveBox, messages.SetSensor), BUILD),
+    messages.RemoveTraffic: RequestKind("build", change="removed the traffic"),
     **dict.fromkeys((messages.Undo, messages.Redo, own_files.ImportTrack), BUILD),
     **dict.fromkeys((messages.EditMap, messages.CloseLoop, messages.EditTrack, messages.GenerateTrack), MAP_EDIT),
     messages.UseMap: RequestKind("map edit", change="opened another map"),

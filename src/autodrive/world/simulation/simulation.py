@@ -26,6 +26,7 @@ from autodrive.protocol.messages import (
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Resume,
     Retire,
@@ -345,7 +346,7 @@ class Simulation(Paced):
                 self._editor.on_reset()
                 self._end_renewal()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor():
+            case Place() | AddBox() | RemoveBox() | SetSensor() | RemoveTraffic():
                 self._use(self._editor.edit(self.world, request))
             case EditMap() | UseMap() | CloseLoop() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
