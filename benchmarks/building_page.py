@@ -48,7 +48,7 @@ FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
 PAGE = Path(autodrive.__file__).parent / "page"
 SIZE = (1280, 720)
 START = """
-localStorage.setItem('autodrive.first-steps', 'seen')
+localStorage.setItem('autodrive.tour', 'seen')
 window.times = {}
 addEventListener('keydown', ({ code }) => code === 'KeyR' && (times.key = performance.now()), { capture: true })
 """

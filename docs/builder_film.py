@@ -52,7 +52,7 @@ window.drawFilm = () => new Promise((drawn) => frame((now) => {
   for (const draw of all) draw(now)
   drawn()
 }))
-localStorage.setItem('autodrive.first-steps', 'seen')
+localStorage.setItem('autodrive.tour', 'seen')
 addEventListener('DOMContentLoaded', () => {
   const add = (id, style) => {
     const one = document.body.appendChild(document.createElement('div'))
@@ -346,7 +346,8 @@ def link(film: Film) -> None:
     film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
     film.click("build-save")
     film.take(2.0)
-    film.click("save-map-link")
+    page.get_by_test_id("save-kind").select_option("link")
+    film.click("save-map-save")
     film.wait(lambda: page.get_by_test_id("map-link").is_visible())
     film.caption("Send the link", 3.0)
     address = page.get_by_test_id("map-link").inner_text()

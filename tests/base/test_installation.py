@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import tomllib
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -16,7 +17,7 @@ import pytest
 
 import autodrive
 from autodrive.base import installation
-from autodrive.base.cache import cache_folder
+from autodrive.base.cache import cache_folder, home_cache
 from autodrive.cli import doctor
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
@@ -166,7 +167,21 @@ def test_the_cache_folder_is_that_of_the_operating_system(
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(sys, "platform", system)
-    assert cache_folder("numba").parent == Path(folder).expanduser() / "autodrive"
+    assert home_cache() == Path(folder).expanduser() / "autodrive"
+
+
+def test_the_cache_is_among_the_temporary_files_where_there_is_no_home_to_write(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("a file where the cache should be")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = cache_folder("numba").parent
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)  # anybody could have written code into it
+    assert cache_folder("numba").parent == blocked / "autodrive"
 
 
 def test_the_server_runs_without_uvloop(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,8 +25,9 @@ from websockets.typing import Subprotocol
 
 import autodrive
 from autodrive import Client, Command, Simulation
+from autodrive.base.cache import user_name
 from autodrive.connect.bridge.devkit import DevkitBridge
-from autodrive.connect.client.last_run import NotedRun, user_name
+from autodrive.connect.client.last_run import NotedRun
 from autodrive.connect.devkit import Nigel
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer

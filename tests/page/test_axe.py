@@ -39,14 +39,20 @@ def test_axe_finds_nothing_in_any_state(two_cars: PageServer, new_tab: NewTab, a
     tab.page.emulate_media(reduced_motion="reduce")
     tab.wait_until(lambda: tab.get("hud").count() == 1)
     check(tab, axe, "start")
-    for opens, closes in (("hints-connect", "connect-close"), ("help", "help-close")):
-        tab.click(opens)
-        check(tab, axe, opens)
-        tab.click(closes)
-    tab.click("hints-close")
-    for panel in ("menu", "hud"):
-        tab.show(panel)
+    tab.click("help")
+    check(tab, axe, "help")
+    tab.click("help-close")
+    tab.show("menu", tab="programs")
+    tab.click("programs")
+    check(tab, axe, "programs")
+    tab.click("connect-close")
+    tab.get("bridge").locator("summary").click()
+    check(tab, axe, "bridge")
+    for panel, part in (("menu", "view"), ("menu", "scenario"), ("hud", "scenario")):
+        tab.show(panel, tab=part)
         tab.page.evaluate(SHOW_CARDS)
+        if panel == "hud":
+            tab.get("hud-more").locator("summary").first.click()
         tab.page.evaluate("() => { autodrive.store.isMeasuring.value = autodrive.store.isDescribed.value = true }")
         check(tab, axe, panel)
     tab.page.evaluate("() => { autodrive.store.warning.value = 'a warning' }")

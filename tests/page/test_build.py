@@ -101,7 +101,8 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     wait_for_parts(building, *(f"curved_road_{k}" for k in range(1, 5)))
     assert load_map(file).drivable.equals(plane.simulation.world.map.drivable)
     building.click("build-save")
-    building.click("save-map-scenario")
+    building.get("save-kind").select_option("scenario")
+    building.click("save-map-save")
     with building.page.expect_download() as download:
         building.click("save-dialog-save")
     scenario = tmp_path / "scenario.yaml"

@@ -30,12 +30,13 @@ def test_the_link_of_a_map_is_copied_over_plain_http(plane: PageServer, new_tab:
             tab.page.evaluate("() => { document.execCommand = () => false }")
         tab.click("build-button")
         tab.click("build-save")
-        tab.click("save-map-link")
+        tab.get("save-kind").select_option("link")
+        tab.click("save-map-save")
         tab.click("link-copy")
         if is_permitted:
-            tab.wait_for_text("link-copied", "Copied.")
+            tab.wait_until(lambda: tab.get("link-copy").get_attribute("data-copied") == "true")
         else:
-            tab.wait_for_text("link-copied", "Press Ctrl-C to copy the selected text.")
+            tab.wait_for_text("link-copy", "Press Ctrl-C to copy the selected text")
             tab.page.keyboard.press("Control+c")
         link = tab.get("map-link").text_content()
         tab.click("link-dialog-cancel")

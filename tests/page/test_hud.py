@@ -51,6 +51,9 @@ def test_a_race_says_that_its_warm_up_lap_is_counted(race: PageServer, tab: Tab)
     tab.show("hud")
     tab.wait_for_text("hud-race-lap", "0 / 4")
     assert "Lap, 1 warm-up" in tab.text("hud-race")
+    assert tab.value("store.scene.value.vehicles.V1.cameras") == ["front"]
+    tab.wait_until(lambda: tab.get("hud-front-camera").is_visible() and not tab.get("hud-rear-camera").is_visible())
+    assert tab.get("hud-polar").is_visible()
 
 
 def test_previews_show_the_images_of_the_cameras(gl: str, mini_map: PageServer, tab: Tab) -> None:
@@ -102,3 +105,43 @@ def test_depth_and_labels_of_a_camera_are_shown_with_their_legend(
     assert image.get_attribute("aria-label") == f"{content.capitalize()} of the front camera"
     tab.get("hud-sensor-view").select_option("")
     tab.wait_until(lambda: not image.is_visible())
+
+
+HUD = {
+    "Simulation Time": "time",
+    "Frame Rate": "frame-rate",
+    "Driving Mode": "mode",
+    "Gear": "gear",
+    "Speed": "speed",
+    "Throttle": "throttle",
+    "Steering": "steering",
+    "Encoder Ticks": "encoders",
+    "Position": "position",
+    "Orientation": "orientation",
+    "Angular Velocity": "angular-velocity",
+    "Linear Acceleration": "linear-acceleration",
+    "Ranging Measurement": "lidar",
+    "Front Camera Preview": "front-camera",
+    "Rear Camera Preview": "rear-camera",
+}
+"""The items of the HUD panel (report, table 13), with the ends of their test identifiers."""
+
+FIRST = {"speed", "gear", "mode", "front-camera"}
+
+
+def test_the_hud_shows_the_first_items_and_each_item_of_the_report_on_demand(
+    plane: PageServer, new_tab: NewTab
+) -> None:
+    tab = new_tab(size=(1280, 720), is_first_visit=True).open(f"{plane.url}?quality=low")
+    tab.wait_until(lambda: tab.get("hud").count() == 1)
+    tab.click("hud-button")
+    tab.wait_until(lambda: tab.value("store.frameRate.value") > 0)
+
+    def shown() -> set[str]:
+        return {name for name in HUD.values() if tab.get(f"hud-{name}").is_visible()}
+
+    tab.wait_until(lambda: shown() == FIRST)
+    tab.get("hud-more").locator("summary").first.click()
+    tab.wait_until(lambda: shown() == set(HUD.values()))
+    tab.page.reload()
+    tab.wait_until(lambda: tab.get("hud-rear-camera").count() == 1 and tab.get("hud-rear-camera").is_visible())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from autodrive.protocol.messages import Reset, SetDrivingMode, SetTimeOfDay, SetWeather, Weather
 from tests.support.command_line import call
-from tests.support.page import PageServer, Tab
+from tests.support.page import NewTab, PageServer, Tab, box
 
 
 def test_simulator_controls(plane: PageServer, tab: Tab) -> None:
@@ -42,3 +42,49 @@ def test_the_page_shows_the_lines_that_the_command_prints(tab: Tab, plane: PageS
     tab.wait_until(lambda: not tab.get("weather-lines").is_visible())
     plane.request(SetWeather())
     plane.request(Reset())
+
+
+MENU = {
+    "IP Address Field": ("programs", "ip"),
+    "Port Number Field": ("programs", "port"),
+    "Connection Button": ("programs", "connect"),
+    "Reset Button": ("scenario", "reset"),
+    "Driving Mode Button": ("scenario", "mode"),
+    "Camera Button": ("view", "camera"),
+    "Scene Light Button": ("scenario", "scene-light"),
+}
+"""The items of the menu panel (report, table 13), with their tab and test identifier."""
+
+STATES = {
+    "connect": "bridge-status",
+    "mode": "mode-status",
+    "camera": "camera-status",
+    "scene-light": "scene-light-status",
+}
+"""What the report wants to see beside the buttons."""
+
+BAR = ("bar-speed", "bar-mode", "bar-camera", "bar-weather", "record-button", "bar-reset", "menu-button", "help")
+
+
+def test_each_item_of_the_report_is_in_the_menu_at_the_first_visit(plane: PageServer, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1280, 720), is_first_visit=True).open(f"{plane.url}?quality=low")
+    assert [name for name in BAR if not tab.get(name).is_visible()] == []
+    tab.click("menu-button")
+    tab.get("menu-tab-scenario").wait_for()
+    first = [tab.get(name).first for name in ("scenario", "weather", "speed")]
+    assert [box(one)["top"] for one in first] == sorted(box(one)["top"] for one in first)
+    assert not tab.get("ip").is_visible()
+    tab.click("menu-tab-programs")
+    bridge = tab.get("bridge")
+    line = box(bridge)
+    assert line["bottom"] - line["top"] < 40, "the bridge is one line"
+    bridge.locator("summary").click()
+    for item, (part, testid) in MENU.items():
+        tab.click(f"menu-tab-{part}")
+        assert tab.get(testid).is_visible(), item
+        assert tab.get(testid).is_enabled(), item
+        if testid in STATES:
+            assert tab.get(STATES[testid]).is_visible(), item
+    tab.page.reload()
+    tab.wait_until(lambda: tab.get("bridge").count() == 1)
+    assert bridge.evaluate("(bridge) => bridge.open"), "the choice is kept"

@@ -45,7 +45,7 @@ def test_an_overlay_is_switched_by_its_key_and_its_switch(
         assert tab.get("legend").is_visible()
         if key == "2":
             tab.wait_for_text("force-scale", "an arrow of 10 cm is 5 N")  # a quarter of the weight is 4.3 N
-        tab.show("menu")
+        tab.show("menu", tab="view")
         field = tab.get(switch)
         assert field.is_checked()
         assert field.get_attribute("role") == "switch"

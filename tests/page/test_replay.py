@@ -28,7 +28,7 @@ def replay(built: Path, drive: Drive) -> Iterator[Replay]:
 def test_the_film_button_downloads_a_film_of_the_view(mini_map: PageServer, new_tab: NewTab, tmp_path: Path) -> None:
     tab = new_tab(size=(640, 480), draws=True).open(f"{mini_map.url}?quality=low#camera=birds-eye")
     tab.wait_for_image()
-    tab.show("menu")
+    tab.show("menu", tab="view")
     tab.click("film")
     count = tab.value("store.imageCount.value")
     tab.wait_until(lambda: tab.value("store.imageCount.value") > count + 5)
@@ -42,6 +42,16 @@ def test_the_film_button_downloads_a_film_of_the_view(mini_map: PageServer, new_
         assert film.streams.video[0].codec_context.codec.canonical_name in {"av1", "vp9", "vp8"}
     assert len(images) > 1
     assert images[-1].std() > 10
+
+
+def test_a_replay_has_no_build_mode(replay: Replay, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1024, 700)).open(replay.server.url)
+    tab.wait_until(lambda: tab.get("build-button").is_disabled())
+    assert tab.get("build-button").get_attribute("title").startswith("This is a replay of 'drive.mcap'")
+    tab.page.keyboard.press("z")
+    tab.wait_for_notice("This is a replay of")
+    assert not tab.value("store.isBuilding.value")
+    assert not tab.get("build-bar").is_visible()
 
 
 def position(tab: Tab) -> float:
@@ -93,7 +103,7 @@ def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, driv
 
 
 def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: PageServer, tab: Tab) -> None:
-    tab.show("menu")
+    tab.show("menu", tab="view")
     tab.click("record-button")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
     two_cars.request(Teleport("V1", 0.5, 0.25))

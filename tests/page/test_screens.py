@@ -169,9 +169,9 @@ def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_wi
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_all_text_is_large_enough_and_has_contrast(two_cars: PageServer, new_tab: NewTab, theme: str) -> None:
     saved = f"localStorage.setItem('autodrive.theme', '{theme}');"
-    tab = new_tab(size=FULL_HD, script=saved + FONTS, is_first_visit=True).open(f"{two_cars.url}?quality=low")
+    tab = new_tab(size=FULL_HD, script=saved + FONTS).open(f"{two_cars.url}?quality=low")
     tab.page.emulate_media(reduced_motion="reduce")
-    tab.show("menu", "hud")
+    tab.show("menu", "hud", tab="programs")
 
     def check() -> None:
         texts = tab.page.evaluate(TEXTS)
@@ -185,16 +185,19 @@ def test_all_text_is_large_enough_and_has_contrast(two_cars: PageServer, new_tab
     tab.get("port").fill(str(free_port()))
     tab.click("connect")  # refused: the address is empty
     tab.wait_for_text("bridge-error", "empty")
+    tab.click("menu-tab-scenario")
     tab.get("ticks").fill("0")
     tab.click("step")
+    check()
+    tab.click("menu-tab-view")
+    check()
+    tab.click("menu-tab-programs")
     tab.page.evaluate("() => { autodrive.store.notice.value = 'a notice' }")
     tab.get("ip").fill("127.0.0.1")
     tab.click("connect")
     tab.wait_for_text("bridge-error", "trying again")  # the fields are disabled now
     check()
     tab.click("disconnect")
-    tab.get("hints").wait_for()
-    check()
     tab.click("programs")
     tab.get("connect-dialog").wait_for()
     check()
@@ -226,18 +229,21 @@ def test_the_first_camera_images_move_nothing_in_the_hud(gl: str, plane: PageSer
 
 
 def test_an_error_of_the_bridge_moves_no_control(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.get("menu").evaluate("(menu) => menu.scrollTo(0, 0)")  # the field with the error is scrolled into view
-    places = {name: box(tab.get(name)) for name in ("reset", "mode", "step", "scenario", "theme")}
+    tab.show("menu", tab="programs")
+    places = {name: box(tab.get(name)) for name in ("menu-tab", "programs", "ip", "port")}
+
+    def are_places_kept() -> bool:
+        return {name: box(tab.get(name)) for name in places} == places
+
     tab.get("ip").fill("http://127.0.0.1")
     tab.click("connect")
     tab.wait_for_text("bridge-error", "Enter only the address")
-    assert {name: box(tab.get(name)) for name in places} == places
+    assert are_places_kept()
     tab.get("ip").fill("127.0.0.1")
     tab.get("port").fill(str(free_port()))
     tab.click("connect")
     tab.wait_for_text("bridge-error", "trying again")
-    assert {name: box(tab.get(name)) for name in places} == places
+    assert are_places_kept()
     tab.click("disconnect")
     tab.wait_for_text("bridge-status", "Disconnected")
-    assert {name: box(tab.get(name)) for name in places} == places
+    assert are_places_kept()

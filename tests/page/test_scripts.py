@@ -18,7 +18,7 @@ def connect(tab: Tab, port: int) -> None:
 
 @pytest.mark.process
 def test_a_script_that_is_connected_from_the_menu_drives_in_autonomous_mode(mini_map: PageServer, tab: Tab) -> None:
-    tab.show("menu", "hud")
+    tab.show("menu", "hud", tab="programs")
     tab.wait_for_text("bridge-status", "Disconnected")
     port = free_port()
     with example("2_follow_waypoints.py", port):

@@ -47,7 +47,7 @@ def cases() -> Iterator[dict[str, Any]]:
         steering=-0.0,
         lidar=replace(scan, ranges=np.full(360, -math.inf)),
     )
-    rows = {"speed": "\N{EN DASH} m/s", "throttle": "inf%", "steering": "0.00 rad", "lidar": "inf m"}
+    rows = {"speed": "\N{EN DASH} m/s", "throttle": "inf %", "steering": "0.00 rad", "lidar": "inf m"}
     yield case("values that are not finite", odd, rows=rows, beam=[None] * 4, nearest=-1)
 
 
@@ -70,7 +70,7 @@ def texts(frame: Frame, vehicle: VehicleFrame) -> dict[str, str]:
         "mode": "Autonomous" if vehicle.is_autonomous else "Manual",
         "gear": "R",
         "speed": f"{abs(vehicle.speed):.2f} m/s",
-        "throttle": "80.00%",
+        "throttle": "80 %",
         "steering": f"\N{LEFTWARDS ARROW} {vehicle.steering:.2f} rad",
         "encoders": f"[{left}, {right}]",
         "collisions": str(vehicle.collision_count),

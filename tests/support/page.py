@@ -42,8 +42,11 @@ window.requestAnimationFrame = (draw) => window.setTimeout(() => frame(draw), 20
 """
 """Draws no scene, which takes a second in software, for tests that do not look at it; five frames a second."""
 
-SEEN = "localStorage.setItem('autodrive.first-steps', 'seen');"
-"""Later visits do not show the hints of the first one."""
+SEEN = """
+for (const [name, value] of [['tour', 'seen'], ['hud.more', 'open'], ['bridge', 'open']])
+  localStorage.getItem(`autodrive.${name}`) ?? localStorage.setItem(`autodrive.${name}`, value)
+"""
+"""A later visit of a user who has opened everything; the first visit offers the tour."""
 
 IGNORED = ("GL Driver Message", "WebGL-")
 """Beginnings of console messages about software rendering."""
@@ -163,13 +166,15 @@ class Tab:
         """Wait until the 3D view has drawn an image."""
         self.wait_until(lambda: self.value("view && view.stats().calls > 0"))
 
-    def show(self, *panels: str) -> None:
-        """Open these panels ("menu", "hud") and close the others."""
+    def show(self, *panels: str, tab: str = "scenario") -> None:
+        """Open these panels ("menu", "hud") and close the others; the menu shows that tab."""
         for name in ("menu", "hud"):
             self.wait_until(lambda name=name: self.get(name).count() == 1)
             if self.get(name).is_visible() != (name in panels):
                 self.click(f"{name}-button")
             self.get(name).wait_for(state="visible" if name in panels else "hidden")
+        if "menu" in panels and self.get("menu-tab").is_visible():
+            self.click(f"menu-tab-{tab}")
 
     def pixels(self, path: Path | None = None) -> NDArray[np.float64]:
         """A screenshot: RGB from 0 to 1, shape (height, width, 3). It is also written to the path, if one is given."""

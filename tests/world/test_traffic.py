@@ -13,7 +13,7 @@ from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.parameters import applied, errors
 from autodrive.experiments.campaigns.sampling import ParameterRange
-from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, TailLights, TrafficLightState
+from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, TailLights, TrafficLightState, Weather
 from autodrive.scenario.files import read_scenario
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.world import World
@@ -344,6 +344,27 @@ def test_headlights_of_the_traffic_are_on_by_night() -> None:
     assert world.frame.vehicles["traffic_1"].lights.tail_lights > TailLights.OFF
     night = world_of("oval", cars=1, scene_light=False)
     assert night.frame.vehicles["traffic_1"].lights.headlights == Headlights.LOW  # from the first Frame on
+
+
+@pytest.mark.parametrize(
+    ("time_of_day", "clouds", "expected"),
+    [
+        (17.1, 0.0, Headlights.OFF),
+        (17.3, 0.0, Headlights.LOW),
+        (12.0, 0.7, Headlights.OFF),
+        (12.0, 0.8, Headlights.LOW),
+    ],
+)
+def test_headlights_of_the_traffic_are_on_below_a_sun_of_8_degrees_and_under_thick_clouds(
+    time_of_day: float, clouds: float, expected: Headlights
+) -> None:
+    """At an equinox with 44 degrees at noon, the sun is at 8 degrees at 17:14."""
+    world = world_of("oval", cars=1)
+    world.set_time_of_day(time_of_day * 3600.0, 0.0)
+    world.set_weather(Weather(clouds=clouds))
+    world.step()
+    assert world.scene_light
+    assert world.frame.vehicles["traffic_1"].lights.headlights == expected
 
 
 def test_brake_lamps_are_on_while_a_car_brakes_or_stands() -> None:

@@ -32,7 +32,7 @@ export interface Plot {
 
 export const HUD_ROWS = {
   'speed': { label: 'Speed', title: 'Magnitude of the forward velocity at the rear axle centre', format: 'magnitude', unit: 'm/s', scale: 1.0, decimals: 2, section: '', signal: 'velocity', optional: false },
-  'throttle': { label: 'Throttle', title: 'Magnitude; the bar extends to the left in reverse', format: 'magnitude', unit: '%', scale: 100.0, decimals: 2, section: '', signal: 'throttle', optional: false },
+  'throttle': { label: 'Throttle', title: 'Magnitude; the bar extends to the left in reverse', format: 'magnitude', unit: '%', scale: 100.0, decimals: 0, section: '', signal: 'throttle', optional: false },
   'steering': { label: 'Steering', title: 'Left is positive, as in messages; the arrow and the bar point to the side of the turn', format: 'turn', unit: 'rad', scale: 1.0, decimals: 2, section: '', signal: 'steering', optional: false },
   'encoders': { label: 'Encoder Ticks', title: 'Ticks of the left and right rear wheel', format: 'list', unit: '', scale: 1.0, decimals: 2, section: 'sensors', signal: 'encoders.ticks', optional: false },
   'position': { label: 'Position', title: 'IPS: x, y, z of the rear axle centre in the map', format: 'vector', unit: 'm', scale: 1.0, decimals: 2, section: '', signal: 'ips.position', optional: false },

@@ -26,7 +26,7 @@ const BRIDGE = { closed: 'disconnected', connecting: 'connecting', connected: 'c
 
 /** Collects the entries from now on. */
 export function logOf(store: Store): Observable<readonly Entry[]> {
-  const entries = new Observable<readonly Entry[]>([])
+  const entries = new Observable<readonly Entry[]>(kept())
 
   function add(level: Level, text: string, time = store.frame.value?.time ?? null, isDetail = false): void {
     const entry = { at: new Date(), time, level, text, isDetail }
@@ -72,7 +72,30 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
     if (link === 'open') add('good', wasLost ? 'Connected again.' : 'Connected.')
     if (link === 'open' || link === 'lost') wasLost = link === 'lost'
   })
+  window.addEventListener('pagehide', () => keep(entries.value))
   return entries
+}
+
+/** Place of the log in the storage of the tab: a reload keeps the entries, another tab has its own. */
+const PLACE = 'autodrive.log'
+/** Number of entries that a reload keeps. */
+const KEPT_BY_RELOAD = 200
+
+function keep(entries: readonly Entry[]): void {
+  try {
+    sessionStorage.setItem(PLACE, JSON.stringify(entries.slice(-KEPT_BY_RELOAD)))
+  } catch {
+    // Storage is disabled or full: a reload empties the log.
+  }
+}
+
+function kept(): Entry[] {
+  try {
+    const entries: Entry[] = JSON.parse(sessionStorage.getItem(PLACE) ?? '[]')
+    return entries.map((entry) => ({ ...entry, at: new Date(entry.at) }))
+  } catch {
+    return []
+  }
 }
 
 const RACE_STATUS = {

@@ -24,9 +24,8 @@ import { connectDialog } from './panels/connect'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
-import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
-import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { openMapForRaces, showOnePanelOnSmallScreens } from './panels/layout'
 import { legend } from './panels/legend'
 import { askAboutLinkChanges } from './panels/link_changes'
 import { logPanel } from './panels/log'
@@ -42,6 +41,7 @@ import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { tour } from './panels/tour'
 import { VehicleEvents } from './panels/vehicle_events'
 import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
@@ -59,17 +59,17 @@ learnKeyCaps()
 const canvas = document.querySelector<HTMLCanvasElement>('#scene')
 if (!canvas) throw new Error('index.html has no canvas')
 const store = new Store()
-openPanelsOnWideScreens(store)
 const worker = new Worker(new URL('./worker/worker.ts', import.meta.url), { type: 'module' })
 const connection = new Connection(store, worker)
 const actions = new Actions(store, connection)
 actions.mayRemoveTraffic = mayRemoveTraffic
 const driver = new Driver(store, connection)
-const keys = help()
+const keys = help(() => guide.start())
 const trails = new Trails()
 const proposeFromLink = askAboutLinkChanges(store)
 followViewInLink(store, actions, proposeFromLink)
 const programs = connectDialog(store)
+const guide = tour(store, programs.open)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
 const trackBuilder = new TrackBuilder(store, actions)
@@ -118,26 +118,18 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-const bar = toolbar(store, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open, save)
-document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
-mainMenu.append(recording.section)
+const mainMenu = menu(store, connection, actions, recording.section, programs.open, save)
+document.body.prepend(toolbar(store, actions, recording.button, keys.toggle), mainMenu)
 mainMenu.querySelector('.tools')?.append(filmButton(store, canvas))
-bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
 const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
-const hints = [
-  banner(store, actions),
-  modeHint(store, actions),
-  streamNote(store),
-  firstSteps(programs.open, keys.toggle),
-]
-document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
+const hints = [banner(store, actions), modeHint(store, actions), streamNote(store)]
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
   dock,

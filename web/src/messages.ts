@@ -1413,6 +1413,7 @@ export interface Status {
   change: string
   changes: number
   clock: number
+  refused: Record<string, string>
 }
 
 /**

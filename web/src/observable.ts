@@ -21,3 +21,23 @@ export class Observable<T> {
     return () => this.watchers.delete(watcher)
   }
 }
+
+/** A switch that is off while there is a reason against it; `refuse` is called with the reason if it is turned on. */
+export class GuardedSwitch extends Observable<boolean> {
+  constructor(
+    private readonly reason: () => string,
+    private readonly refuse: (reason: string) => void,
+  ) {
+    super(false)
+  }
+
+  override get value(): boolean {
+    return super.value
+  }
+
+  override set value(isOn: boolean) {
+    const reason = isOn ? this.reason() : ''
+    if (reason) this.refuse(reason)
+    else super.value = isOn
+  }
+}

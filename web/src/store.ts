@@ -13,7 +13,7 @@ import type {
   Status,
   Welcome,
 } from './messages'
-import { Observable } from './observable'
+import { GuardedSwitch, Observable } from './observable'
 
 export type Link = 'connecting' | 'starting' | 'open' | 'lost'
 export type Camera = "Driver's Eye" | "Bird's Eye" | "God's Eye" | 'Orbit' | 'Fly'
@@ -139,9 +139,17 @@ export class Store {
   readonly isDescribed = new Observable(false)
   /** Whether a click on the ground sets a point of a measured distance. */
   readonly isMeasuring = new Observable(false)
-  readonly isEditing = new Observable(false)
+  /** Operations that may not be requested now, with the reason, by their name. */
+  readonly refused = new Observable<Readonly<Record<string, string>>>({})
+  readonly isEditing = new GuardedSwitch(
+    () => this.refused.value.Place ?? '',
+    (reason) => (this.notice.value = reason),
+  )
   /** Whether the map is being built; never together with `isEditing`. */
-  readonly isBuilding = new Observable(false)
+  readonly isBuilding = new GuardedSwitch(
+    () => this.refused.value.UseMap ?? '',
+    (reason) => (this.notice.value = reason),
+  )
   /** Name of the vehicle or object that is selected in Edit mode; empty: none. */
   readonly selection = new Observable('')
   /** Whether the scenario has edits that this page has not saved in a file. */
@@ -167,6 +175,13 @@ export class Store {
       one.watch((isOn) => {
         if (isOn) pair[1 - i].value = false
       })
+    this.status.watch((status) => {
+      const refused = status?.refused ?? {}
+      if (JSON.stringify(refused) === JSON.stringify(this.refused.value)) return
+      this.refused.value = refused
+      if (refused.Place) this.isEditing.value = false
+      if (refused.UseMap) this.isBuilding.value = false
+    })
   }
 
   /** Whether keys and pads move the fly camera, instead of driving. */

@@ -14,6 +14,8 @@ import type { Camera, Fly, Orbit, Quality, Store } from './store'
 
 /** Delay after a change [ms]: browsers limit how often a page may change its URL. */
 const DELAY = 400
+/** Delay after a change that the user has not made, such as the time of day that passes [ms]. */
+const LONG_DELAY = 10_000
 const DEGREE = Math.PI / 180
 
 const LENSES = ["Driver's Eye", "God's Eye"] as const
@@ -30,9 +32,14 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
   const query = new URLSearchParams(location.search).get('quality')
   if (isQuality(query)) store.quality.value = query
   let timer = 0
-  const writeSoon = () => {
-    timer ||= window.setTimeout(write, DELAY) // a change that goes on, such as the time of day, is written, too
+  let due = Infinity
+  const writeWithin = (delay: number) => {
+    if (performance.now() + delay >= due) return // a change that goes on, such as the time of day, is written, too
+    window.clearTimeout(timer)
+    due = performance.now() + delay
+    timer = window.setTimeout(writeUnlessAddressIsUsed, delay)
   }
+  const writeSoon = () => writeWithin(DELAY)
 
   /** A value that is `standard` unless the link says otherwise. `parse` returns undefined for a text without meaning. */
   function part<T>(of: Observable<T>, format: (value: T) => string, parse: (text: string) => T | undefined): Part {
@@ -73,8 +80,9 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
       if (operation) propose(`${name}: ${wanted}`, () => void actions.request(operation))
       wanted = ''
       if (show() === shown) return
+      const isFirst = shown === '' || show() === ''
       shown = show()
-      writeSoon()
+      writeWithin(isFirst ? DELAY : LONG_DELAY)
     }
     store.frame.watch(follow)
     return {
@@ -158,9 +166,16 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     for (const [name, part] of Object.entries(parts)) part.read(view.get(name) ?? '')
   }
 
+  /** The page has no focus while the user types or copies the address: it stays as it is until then. */
+  function writeUnlessAddressIsUsed(): void {
+    due = Infinity
+    if (document.hasFocus()) write()
+    else window.addEventListener('focus', writeSoon, { once: true })
+  }
+
   function write(): void {
     window.clearTimeout(timer)
-    timer = 0
+    due = Infinity
     const view = Object.entries(parts).map(([name, part]) => [name, part.write()])
     const texts = view.filter(([, text]) => text).map(([name, text]) => `${name}=${encodeURIComponent(text)}`)
     const hash = texts.length > 0 ? `#${texts.join('&').replaceAll('%2C', ',').replaceAll('%3A', ':')}` : ''

@@ -562,18 +562,7 @@ test('a race track has the tools of points in the bar, a map those of pieces; th
   socket.receive({ ...sceneOf(['V1']), map_scene: null, track_scene })
   const shown = [...document.querySelectorAll<HTMLButtonElement>('.edit-tools button')].filter((one) => !one.hidden)
   expect(shown.map((one) => one.textContent)).toEqual([
-    ...[
-      'Add a point',
-      'Delete',
-      'Start line here',
-      'Reverse',
-      'Undo',
-      'Redo',
-      'Show all',
-      'Save',
-      'Panel',
-      'Done',
-    ],
+    ...['Add a point', 'Delete', 'Start line here', 'Reverse', 'Undo', 'Redo', 'Show all', 'Save', 'Panel', 'Done'],
   ])
   expect(button('track-remove')?.disabled).toBe(true)
   expect(button('build-template')?.closest('details')?.open).toBe(true)

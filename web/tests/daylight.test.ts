@@ -14,7 +14,7 @@ import {
 const look = (exposure: number, sun_direction: number[]): Daylight => {
   const colour = [exposure, 0, 0]
   const light = { sun_color: colour, zenith: colour, horizon: colour, floor_glow: colour, dawn: colour }
-  return { sun_direction, sun_place: sun_direction, ...light, exposure, glow: 0 }
+  return { sun_direction, sun_place: sun_direction, ...light, exposure, glow: 0, dusk: exposure / 10 }
 }
 const night = look(9, [0, 0, 1])
 const [low, high] = [look(2, [1, 0, 0]), look(4, [0.96, 0.28, 0])]
@@ -80,9 +80,10 @@ describe('weather', () => {
   })
 
   it('sets the flags of the shaders for what can be seen', () => {
-    expect(effectsOf(null, Infinity)).toEqual([])
-    expect(effectsOf({ ...clear, wetness: 0.5 }, 1186)).toEqual(['WET']) // the air is nearly clear
-    expect(effectsOf({ ...clear, snow_cover: 1 }, 8)).toEqual(['AIR', 'SNOW'])
+    expect(effectsOf(null, Infinity, 0)).toEqual([])
+    expect(effectsOf(null, Infinity, 0.5)).toEqual(['WINDOWS'])
+    expect(effectsOf({ ...clear, wetness: 0.5 }, 1186, 0)).toEqual(['WET']) // the air is nearly clear
+    expect(effectsOf({ ...clear, snow_cover: 1 }, 8, 0.4)).toEqual(['AIR', 'SNOW'])
     expect(extinction(Infinity)).toBe(0)
     expect(Math.exp(-extinction(20) * 20)).toBeCloseTo(0.05)
   })

@@ -50,7 +50,8 @@ test('a map that is too large for a link is saved as a file', async () => {
   vi.spyOn(builder, 'text').mockResolvedValue(text)
   const get = (id: string) => document.querySelector<HTMLElement>(`[data-testid='${id}']`)
   const isSaved = saveMap(store, builder, userFiles, () => Promise.resolve(false))
-  get('save-map-link')?.click()
+  ;(get('save-kind') as HTMLSelectElement).value = 'link'
+  get('save-map-save')?.click()
   await vi.waitFor(() => expect(get('link-dialog')?.textContent).toContain('too large for a link'))
   get('link-dialog-cancel')?.click()
   expect(await isSaved).toBe(false)

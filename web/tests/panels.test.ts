@@ -42,6 +42,7 @@ describe('the menu', () => {
         all.store,
         all.connection,
         new Actions(all.store, all.connection),
+        h('section', { testid: 'recording' }),
         () => {},
         async () => true,
       ),
@@ -78,7 +79,7 @@ describe('the menu', () => {
     store.isMenuOpen.value = true
     store.frame.value = frameOf(['V1'], { weather, weather_effects: effects })
     expect(get('weather-numbers').textContent).toBe(
-      'Grip 0.71, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
+      'Grip of the tyres 0.71 of that on dry ground, LIDAR 8.7 m at 10 % and 12.0 m at 80 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
     expect(socket.request).toEqual({ type: 'DescribeWeather' })
     expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')
@@ -111,6 +112,12 @@ describe('the menu', () => {
     store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
     expect(clock.getAttribute('aria-valuetext')).toBe('18:30')
     expect(get('time-of-day-text').textContent).toBe('18:30')
+    store.frame.value = frameOf(['V1'], { time_of_day: null })
+    expect(get('time-of-day-text').textContent).toBe('Day')
+    store.frame.value = frameOf(['V1'], { time_of_day: null, scene_light: false })
+    expect(get('time-of-day-text').textContent).toBe('Night')
+    expect(get('time-of-day').title).toContain('a fixed light')
+    store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
     expect(get('weather-numbers').textContent).toContain('Clear')
     vi.restoreAllMocks()
   })
@@ -125,6 +132,36 @@ describe('the menu', () => {
     expect(button('3600')?.getAttribute('aria-pressed')).toBe('true')
     for (let time = 3; time < 5; time += 0.25) store.frame.value = frameOf(['V1'], { time })
     expect(button('0')?.getAttribute('aria-pressed')).toBe('true')
+  })
+
+  test('has three tabs; arrow keys go to the next, and the choice is kept', () => {
+    page()
+    const shown = () => [...document.querySelectorAll<HTMLElement>('[role=tabpanel]')].filter(({ hidden }) => !hidden)
+    const has = (testid: string) => shown().some((panel) => panel.contains(get(testid)))
+    expect([...get('menu-tab').children].map(({ textContent }) => textContent)).toEqual([
+      'Scenario',
+      'View and tools',
+      'Programs',
+    ])
+    expect(['scenario', 'weather', 'speed', 'theme', 'ip'].map(has)).toEqual([true, true, true, false, false])
+    const press = (testid: string, key: string) =>
+      get(testid).dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }))
+    press('menu-tab-scenario', 'ArrowLeft')
+    expect(document.activeElement).toBe(get('menu-tab-programs'))
+    expect(['scenario', 'theme', 'ip'].map(has)).toEqual([false, false, true])
+    press('menu-tab-programs', 'ArrowLeft')
+    expect(['theme', 'recording', 'camera'].map(has)).toEqual([true, true, true])
+    document.body.replaceChildren()
+    page()
+    expect(has('theme')).toBe(true)
+  })
+
+  test('a replay shows the tab that acts on it only', () => {
+    const { socket } = page()
+    socket.receive(statusOf({ position: 0 }))
+    expect(get('menu-tab').hidden).toBe(true)
+    expect(get('theme').closest<HTMLElement>('[role=tabpanel]')?.hidden).toBe(false)
+    expect(get('scenario').closest<HTMLElement>('[role=tabpanel]')?.hidden).toBe(true)
   })
 
   test.each([
@@ -341,6 +378,15 @@ describe('the bridge', () => {
     expect(get<HTMLButtonElement>('connect').disabled).toBe(false)
   })
 
+  test('is one line that opens, by itself when a script connects', () => {
+    const { socket } = page()
+    const line = get<HTMLDetailsElement>('bridge')
+    expect(line.open).toBe(false)
+    const { bridge } = statusOf()
+    socket.receive(statusOf({ bridge: { ...bridge, state: 'connecting' } }))
+    expect(line.open).toBe(true)
+  })
+
   test('a refused request is shown', async () => {
     const { socket, submit } = page()
     submit('10.0.0.1', '4567')
@@ -418,6 +464,9 @@ describe('an error', () => {
     expect(document.querySelectorAll('.notice').length).toBe(1)
     get('notice-copy').click()
     expect(copied).toHaveBeenCalledWith("pip install 'autodrive-simulator[recording]'")
+    await vi.waitFor(() => expect(get('notice-copy').textContent).toBe('Copied'))
+    vi.advanceTimersByTime(2000)
+    expect(get('notice-copy').textContent).toBe('Copy')
     get('notice-close').click()
     expect(document.querySelectorAll('.notice').length).toBe(0)
     store.error.value = 'no command here: nothing to copy'
@@ -427,14 +476,21 @@ describe('an error', () => {
   })
 })
 
-describe('the toolbar', () => {
+describe('the bar', () => {
+  function page() {
+    const all = connectedPage()
+    const record = h('button', { testid: 'record-button' })
+    document.body.append(toolbar(all.store, new Actions(all.store, all.connection), record, () => {}))
+    return all
+  }
+
   test('its buttons open and close the panels', () => {
-    const { store } = connectedPage()
-    document.body.append(toolbar(store, () => {}))
+    const { store } = page()
     for (const [name, isOpen] of [
       ['menu', store.isMenuOpen],
       ['hud', store.isHudOpen],
     ] as const) {
+      expect(isOpen.value).toBe(false)
       get(`${name}-button`).click()
       expect(isOpen.value).toBe(true)
       expect(get(`${name}-button`).getAttribute('aria-expanded')).toBe('true')
@@ -443,16 +499,38 @@ describe('the toolbar', () => {
     }
   })
 
-  test('shows the real-time factor, or that the simulation is paused', () => {
-    const { store, socket } = connectedPage()
-    document.body.append(toolbar(store, () => {}))
-    socket.receive(statusOf({ real_time_factor: 1.994 }))
-    expect(get('real-time-factor').textContent).toBe('1.99 ×')
+  test('shows speed and gear, driving mode, camera and weather, and sends what is pressed', () => {
+    const { store, socket } = page()
+    const vehicle = vehicleOf({ velocity: new Float64Array([-0.417, 0, 0]), is_autonomous: true })
+    const rain = { clouds: 1, fog: 0, rain: 0.8, snow: 0, wind: 0, wetness: null, snow_cover: null }
+    store.frame.value = frameOf([], { vehicles: { V1: vehicle }, weather: rain })
+    const texts = ['bar-speed', 'bar-mode', 'bar-camera'].map((name) => get(name).textContent)
+    expect(texts).toEqual(['0.42 m/s', 'Autonomous', "Driver's Eye"])
+    const weather = get<HTMLSelectElement>('bar-weather')
+    expect(weather.selectedOptions[0].textContent).toBe('Heavy rain')
+    store.frame.value = frameOf([], { vehicles: { V1: vehicle }, weather: { ...rain, rain: 0.123 } })
+    expect(weather.selectedOptions[0].textContent).toBe('Mixed')
+    weather.value = 'light_snow'
+    weather.dispatchEvent(new Event('change'))
+    expect(socket.request).toMatchObject({ type: 'SetWeather', weather: { snow: 0.3 } })
+    get('bar-mode').click()
+    expect(socket.request).toEqual({ type: 'SetDrivingMode', vehicle: 'V1', is_autonomous: false })
+    get('bar-reset').click()
+    expect(socket.request).toEqual({ type: 'Reset' })
+    get('bar-camera').click()
+    expect(store.camera.value).toBe("Bird's Eye")
+  })
+
+  test('says that the simulation is paused', () => {
+    const { socket } = page()
+    socket.receive(statusOf())
     expect(get('paused').hidden).toBe(true)
     socket.receive(statusOf({ is_paused: true }))
     expect(get('paused').hidden).toBe(false)
   })
+})
 
+describe('the banner while it connects', () => {
   test('the banner is hidden while the connection is open, and late at the first attempt', () => {
     vi.useFakeTimers()
     const { store, connection } = connectedPage()
@@ -533,7 +611,7 @@ test('a page of another version offers to reload, whatever the connection does',
 
 describe('the help', () => {
   test('opens and closes, and lists every key', () => {
-    const { element, toggle } = help()
+    const { element, toggle } = help(() => {})
     document.body.append(element)
     toggle()
     expect(element.open).toBe(true)

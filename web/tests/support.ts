@@ -191,6 +191,7 @@ export function statusOf(values: Partial<Status> = {}): Status {
       change: '',
       changes: 0,
       clock: 0,
+      refused: {},
       ...values,
     },
   }

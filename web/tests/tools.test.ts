@@ -67,13 +67,29 @@ describe('the link', () => {
 
   test('follows a time of day that passes fast', () => {
     const store = pageAt('')
+    const replace = vi.spyOn(history, 'replaceState')
     for (let minutes = 600; minutes < 660; minutes++) {
       store.frame.value = frameOf(['V1', 'V2'], { time_of_day: 60 * minutes })
-      vi.advanceTimersByTime(20) // 5 minutes in 100 ms: less than the delay of the link
+      vi.advanceTimersByTime(250) // 15 s in all
     }
-    expect(location.hash).toMatch(/^#time=10:[345]/)
-    vi.advanceTimersByTime(1000)
+    expect(location.hash).toMatch(/^#time=10:[34]/)
+    vi.advanceTimersByTime(10_000)
     expect(location.hash).toBe('#time=10:55')
+    expect(replace.mock.calls.length, 'the address stands still while the time passes').toBeLessThanOrEqual(3)
+    replace.mockRestore()
+  })
+
+  test('stays as it is while the user types or copies the address, and follows afterwards', () => {
+    const store = pageAt('')
+    const focus = vi.spyOn(document, 'hasFocus').mockReturnValue(false)
+    store.camera.value = 'Orbit'
+    vi.advanceTimersByTime(60_000)
+    expect(location.hash).toBe('')
+    focus.mockReturnValue(true)
+    window.dispatchEvent(new Event('focus'))
+    vi.advanceTimersByTime(1000)
+    expect(location.hash).toBe('#camera=orbit')
+    focus.mockRestore()
   })
 
   test.each(['weather=storm', 'weather=rain:2', 'weather=constructor', 'time=noon', 'time=99:99', 'time=12:60'])(
@@ -144,6 +160,21 @@ describe('the link', () => {
 })
 
 describe('the log', () => {
+  test('is kept by a reload, up to 200 entries', () => {
+    const { store } = connectedPage()
+    const entries = logOf(store)
+    for (let i = 0; i < 300; i++) store.notice.value = `notice ${i}`
+    expect(entries.value.length).toBe(301)
+    window.dispatchEvent(new Event('pagehide'))
+    const again = logOf(connectedPage().store).value
+    expect(again.length).toBe(201)
+    expect(again.at(-2)).toEqual(entries.value.at(-1))
+    expect(again.at(-1)?.text).toBe('Connected.')
+    sessionStorage.setItem('autodrive.log', '{')
+    expect(logOf(connectedPage().store).value.map(({ text }) => text)).toEqual(['Connected.'])
+    sessionStorage.clear()
+  })
+
   test('keeps notices, warnings, events and errors with their times', () => {
     const { store, socket } = connectedPage()
     const entries = logOf(store)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import getpass
 import hashlib
 import os
 import re
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -178,7 +180,18 @@ _CHECKSUM_SIZE = hashlib.sha256().digest_size
 
 
 def user_cache() -> Path:
-    """Folder of this program for what the user can delete at any time. It may be missing, or not writable."""
+    """Folder of this program for what the user can delete at any time.
+
+    It is in the user's cache folder, or, where that cannot be written, among the temporary files. It may be missing,
+    and not writable where neither can be written.
+    """
+    folder = home_cache()
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    return folder if existing.is_dir() and os.access(existing, os.W_OK) else temporary_cache() or folder
+
+
+def home_cache() -> Path:
+    """Folder of this program in the user's cache folder, as the operating system names it."""
     try:
         home = Path.home()
     except RuntimeError:  # the user has neither HOME nor an entry in the user database
@@ -190,3 +203,36 @@ def user_cache() -> Path:
     else:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     return caches / "autodrive"
+
+
+def temporary_cache() -> Path | None:
+    """Folder of this user among the temporary files, which is made; None if only this user cannot write into it."""
+    try:
+        folder = Path(tempfile.gettempdir()) / f"autodrive-{user_name()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError:
+        return None
+    return folder if is_own(folder) else None
+
+
+def user_name() -> str:
+    """Login name of the user of this process, or the number if it has no name, as in some containers."""
+    if sys.platform == "win32":
+        return getpass.getuser()
+    import pwd  # noqa: PLC0415  not on Windows
+
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return str(os.getuid())
+
+
+def is_own(folder: Path) -> bool:
+    """Whether only this user can write into a folder: anybody can make one among the temporary files."""
+    try:
+        status = folder.lstat()
+    except OSError:
+        return False
+    if sys.platform == "win32":
+        return stat.S_ISDIR(status.st_mode)
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022

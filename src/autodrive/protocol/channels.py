@@ -240,7 +240,13 @@ CHANNELS: tuple[Channel, ...] = (
             "throttle",
             "throttle feedback, -1 to 1",
             hud=HudRow(
-                "throttle", "Throttle", "Magnitude; the bar extends to the left in reverse", "magnitude", "%", 100.0
+                "throttle",
+                "Throttle",
+                "Magnitude; the bar extends to the left in reverse",
+                "magnitude",
+                "%",
+                100.0,
+                decimals=0,
             ),
             plots=(Plot("throttle", "Vehicle", "Throttle", 20.0, unit="%", scale=100.0),),
         ),

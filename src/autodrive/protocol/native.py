@@ -466,6 +466,8 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Number of such changes, so that the same one again is seen."""
     clock: float = 0.0
     """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
+    refused: dict[str, str] = {}
+    """Operations that clients may not request now, with the reason, by the name of the operation, such as 'Reset'."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):

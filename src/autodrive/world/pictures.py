@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from autodrive.graphics.render.look import air_of
+from autodrive.graphics.render.look import air_of, needs_lamps
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.physics.actuators.lights import lit_levels
 from autodrive.protocol.messages import Headlights, Weather
@@ -15,7 +15,7 @@ from autodrive.world.compile import CompiledScenario
 from autodrive.world.frames import braking_and_reversing
 from autodrive.world.readings import Readings
 from autodrive.world.rules.daylight import SceneLight, light_of
-from autodrive.world.rules.traffic.rule import INDICATORS, headlights_at
+from autodrive.world.rules.traffic.rule import INDICATORS, headlights_in
 
 
 def pictures_of(
@@ -35,6 +35,7 @@ def pictures_of(
     n, v = readings.throttle.shape
     fixed = None if is_day is None else SceneLight(is_day)
     lights = [(fixed or light_of(worlds.rules.daylight, k)).at(time) for k, time in enumerate(readings.time.tolist())]
+    are_dark = [needs_lamps(*light, weather) for light, weather in zip(lights, weathers, strict=True)]
     state = RenderState.empty(v, readings.object_pose.shape[1], n)
     state.write(
         {
@@ -52,7 +53,7 @@ def pictures_of(
             "steering": readings.wheel_steering_angle,
             "spin": readings.wheel_rotation_angle,
             "compression": readings.wheel_compression,
-            "lamps": _lamps(compiled, worlds, readings, [is_lit for is_lit, _ in lights], headlights),
+            "lamps": _lamps(compiled, worlds, readings, are_dark, headlights),
         },
         {"position": readings.object_pose[..., :3], "orientation": readings.object_pose[..., 3:]},
     )
@@ -60,14 +61,14 @@ def pictures_of(
 
 
 def _lamps(
-    compiled: CompiledScenario, worlds: Worlds, readings: Readings, is_day: Sequence[bool], headlights: Headlights
+    compiled: CompiledScenario, worlds: Worlds, readings: Readings, are_dark: Sequence[bool], headlights: Headlights
 ) -> np.ndarray:
     """Brightness of each lamp, shape (n, v, lamps); the indicators of vehicles that obey commands are off."""
     shape, drivers, rows = readings.throttle.shape, worlds.rules.traffic, compiled.fleet.table.rows
     heads, indicators, since = np.full(shape, headlights), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     brakes = np.zeros(shape, np.bool_)
     if len(rows):
-        heads[:, rows] = np.array([headlights_at(is_lit) for is_lit in is_day])[:, None]
+        heads[:, rows] = np.array([headlights_in(is_dark) for is_dark in are_dark])[:, None]
         indicators[:, rows] = np.array(INDICATORS)[drivers["signal"]]
         since[:, rows], brakes[:, rows] = drivers["signal_since"], drivers["is_braking"]
     spin = 0.5 * readings.wheel_angular_velocity[..., 2:].sum(axis=-1)

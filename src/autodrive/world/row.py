@@ -10,10 +10,11 @@ from autodrive.base.arrays import Floats
 from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
 from autodrive.base.pinned import Pinned
+from autodrive.graphics.render.look import needs_lamps
 from autodrive.physics.sensors.columns import SensorTables
 from autodrive.physics.state import BODY_COLUMNS, State, numbers
 from autodrive.physics.tick import place
-from autodrive.protocol.messages import Event, Lights, TrafficLightFrame
+from autodrive.protocol.messages import Event, Lights, TrafficLightFrame, Weather
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
@@ -119,17 +120,17 @@ class Row:
 
     # -- stages of the tick --------------------------------------------------------------------------------------
 
-    def drive_traffic(self, time: float, light: SceneLight) -> None:
+    def drive_traffic(self, time: float, light: SceneLight, weather: Weather | None) -> None:
         """Let the traffic write what its vehicles obey in a tick that begins at `time` [s], and switch their lamps."""
         if self._has_traffic:
             self._drive_traffic(self._pinned, 0)
-            self.switch_lamps(time, light)
+            self.switch_lamps(time, light, weather)
 
-    def switch_lamps(self, time: float, light: SceneLight) -> None:
-        """Let the traffic switch its lamps."""
+    def switch_lamps(self, time: float, light: SceneLight, weather: Weather | None) -> None:
+        """Let the traffic switch its lamps; the `weather` is None if it is clear."""
         if self._has_traffic:
-            drivers, is_day = self.rules.traffic, light.at(time)[0]
-            switch_lamps(self.rows.rules.traffic, drivers, self._controls.vehicles, is_day=is_day)
+            drivers, is_dark = self.rules.traffic, needs_lamps(*light.at(time), weather)
+            switch_lamps(self.rows.rules.traffic, drivers, self._controls.vehicles, is_dark=is_dark)
 
     def move(self) -> bool:
         """Move the bodies by a tick; False if the physics has diverged."""

@@ -167,7 +167,7 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
-        self.row.drive_traffic(self.time, self.conditions.light)
+        self.row.drive_traffic(self.time, self.conditions.light, self.conditions.shown)
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self.conditions.is_changing:
@@ -285,7 +285,7 @@ class World(OneThread):
         self.controls.reset()
         c.sensors.reset(self.seed)
         self.conditions.reset(weather, self.seed)
-        self.row.switch_lamps(0.0, self.conditions.light)
+        self.row.switch_lamps(0.0, self.conditions.light, self.conditions.shown)
         if self.race is not None:
             self.race.reset(c.state.vehicle_position)
         c.own_sensors.reset(self.seed)

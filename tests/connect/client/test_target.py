@@ -15,7 +15,8 @@ import pytest
 
 import autodrive
 from autodrive import AutodriveError, Client, NoSimulatorError
-from autodrive.connect.client.last_run import NotedRun, last_run, user_name
+from autodrive.base.cache import user_name
+from autodrive.connect.client.last_run import NotedRun, last_run
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import RunOrigin

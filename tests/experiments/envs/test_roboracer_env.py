@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ import numpy as np
 import pytest
 
 from autodrive.base.errors import SpecError
-from autodrive.experiments.envs import race_tracks
 from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.crossing_env import CrossingParallelEnv
 from autodrive.experiments.envs.duel_env import DuelParallelEnv
@@ -276,13 +276,15 @@ def test_a_mask_does_not_separate_the_cars_of_a_world() -> None:
     many.reset(options={"reset_mask": np.array([True, True, False, False])})
 
 
-def test_tracks_need_no_folder_that_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tracks_need_no_home_that_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usual = RaceTracks(1, 4, (1.4, 1.4), (40.0, 40.0), None)
     blocked = tmp_path / "file"
     blocked.write_text("a file where the cache should be")
-    monkeypatch.setattr(race_tracks, "cache_folder", lambda *_, **__: blocked / "race_tracks")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     for _ in range(2):
         tracks = RaceTracks(1, 4, (1.4, 1.4), (40.0, 40.0), None)
+        assert tmp_path in tracks.file.parents
         np.testing.assert_array_equal(tracks.lines, usual.lines)
         assert load_map(tracks.file).track is not None
 

@@ -8,7 +8,20 @@ import math
 import numpy as np
 import pytest
 
-from autodrive.graphics.render.look import DAY, NIGHT, is_day_at, light_table, look_at, sun_at
+from autodrive.graphics.render.look import (
+    DAY,
+    LAMPS_LIT,
+    NIGHT,
+    air_of,
+    fixed_look,
+    in_air,
+    is_day_at,
+    light_table,
+    look_at,
+    needs_lamps,
+    sun_at,
+)
+from autodrive.protocol.messages import Weather
 
 HOUR = 3600.0
 
@@ -52,3 +65,21 @@ def test_the_table_of_the_page_has_the_same_lights() -> None:
     minutes = light_table()["minutes"]
     assert len(minutes) == 144
     assert minutes[90]["sun_direction"] == look_at(15 * HOUR).sun_direction
+
+
+def test_dusk_grows_from_day_to_night_and_is_half_at_a_sun_of_8_degrees() -> None:
+    evening = [look_at(60.0 * minute).dusk for minute in range(12 * 60, 19 * 60)]
+    assert evening == sorted(evening)
+    assert (evening[0], evening[-1]) == (DAY.dusk, NIGHT.dusk) == (0.0, 1.0)
+    assert max(after - before for before, after in itertools.pairwise(evening)) < 0.02  # no jump at sunset
+    # the light changes in steps of a minute
+    below = next(minute for minute, dusk in enumerate(evening) if dusk >= LAMPS_LIT)
+    assert math.degrees(math.asin(sun_at(43200.0 + 60.0 * below)[2])) == pytest.approx(8.0, abs=0.2)
+
+
+@pytest.mark.parametrize("time_of_day", [None, 8 * HOUR, 12 * HOUR, 17 * HOUR, 17.5 * HOUR, 18.1 * HOUR, 23 * HOUR])
+@pytest.mark.parametrize("weather", [Weather(), Weather(clouds=0.5), Weather(clouds=0.8), Weather(rain=1.0, fog=0.3)])
+def test_the_traffic_has_headlights_when_their_light_is_drawn(time_of_day: float | None, weather: Weather) -> None:
+    for is_day in (True, False) if time_of_day is None else (is_day_at(time_of_day),):
+        look = fixed_look(is_day) if time_of_day is None else look_at(time_of_day)
+        assert needs_lamps(is_day, time_of_day, weather) == in_air(look, air_of(weather)).are_lamps_lit

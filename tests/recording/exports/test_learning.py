@@ -44,7 +44,7 @@ def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
     assert [(one["episode_index"], one["length"], one["dataset_to_index"]) for one in episodes] == [(0, 21, 21)]
     # what LeRobot does: the task of a step is the name of a row of a data frame
     task = pandas.read_parquet(folder / "meta/tasks.parquet").iloc[data["task_index"][20]].name
-    assert [task] == episodes[0]["tasks"] == ["drive: Nigel on the loop of the mini-map"]
+    assert [task] == episodes[0]["tasks"] == ["drive: Mini-map"]
     stats = json.loads((folder / "meta/stats.json").read_text())
     assert stats["action"]["count"] == [21]
     np.testing.assert_allclose(stats["action"]["q10"], np.quantile(action, 0.1, axis=0))

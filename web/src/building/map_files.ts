@@ -90,6 +90,7 @@ export function openMapFiles(
     const text = await file.text()
     const found = sheetOf(file.name, text)
     if (!found) {
+      if (text.trim()) store.notice.value = `Opening ${file.name}…`
       if (!text.trim()) store.warning.value = `The file ${file.name} is empty.`
       else if ((await mayReplace()) && (await userFiles.open(file.name, text)) && !isScenario(text))
         store.isBuilding.value = true

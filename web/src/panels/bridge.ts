@@ -4,7 +4,9 @@ import type { Connection } from '../connection'
 import type { BridgeStatus } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
-import { row, state } from './fields'
+import { state } from './fields'
+import { busy } from './pending'
+import { loadPreference, savePreference } from './preferences'
 
 const DEFAULTS = { host: '127.0.0.1', port: '4567' }
 const HINT = 'Start your devkit script first. It listens at this address; port 4567 is the default.'
@@ -17,7 +19,11 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
   const digits = { inputmode: 'numeric' }
   const port = h('input', { testid: 'port', placeholder: DEFAULTS.port, oninput: saveInput, ...digits, ...FIELD })
   const connect = h('button', { testid: 'connect', class: 'primary', type: 'submit' }, 'Connect')
-  const disconnect = h('button', { testid: 'disconnect', type: 'button', onclick: () => void end() }, 'Disconnect')
+  const disconnect = h(
+    'button',
+    { testid: 'disconnect', type: 'button', onclick: () => void busy(disconnect, end) },
+    'Disconnect',
+  )
   const status = state('bridge-status')
   const error = h('p', { class: 'error', testid: 'bridge-error', id: 'bridge-error', role: 'alert', hidden: true })
   const hint = h('p', { class: 'muted' }, HINT)
@@ -48,13 +54,14 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
     const number = Number(port.value)
     if (number < 1 || number > 65535) return refuse(`Port ${number} is out of range. Use 1 to 65535.`, port)
     refuse('')
-    connect.disabled = true
     if (document.activeElement instanceof HTMLInputElement) document.activeElement.blur()
-    try {
-      await connection.request({ type: 'ConnectBridge', host: address, port: number })
-    } catch (reason) {
-      refuse(sentence(reason))
-    }
+    await busy(connect, async () => {
+      try {
+        await connection.request({ type: 'ConnectBridge', host: address, port: number })
+      } catch (reason) {
+        refuse(sentence(reason))
+      }
+    })
     show(store.status.value?.bridge)
   }
 
@@ -70,7 +77,9 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
   function show(bridge: BridgeStatus | undefined): void {
     const now = bridge?.state ?? 'closed'
     const isOpen = now !== 'closed'
-    connect.disabled = isOpen || store.link.value !== 'open'
+    const reason = store.refused.value.ConnectBridge
+    connect.disabled = isOpen || store.link.value !== 'open' || reason !== undefined
+    connect.title = reason ? sentence(reason) : ''
     connect.hidden = isOpen
     disconnect.hidden = !isOpen
     host.disabled = port.disabled = isOpen
@@ -84,7 +93,7 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
     error.hidden = !text
     setText(script, [bridge?.devkit && sentence(bridge.devkit), bridge?.note].filter(Boolean).join(' '))
     script.hidden = Boolean(text) || !script.textContent
-    hint.hidden = Boolean(text) || !script.hidden // one text at a time in this place
+    hint.hidden = Boolean(text) || !script.hidden // one text at a time
   }
 
   store.status.watch((status) => show(status?.bridge))
@@ -94,17 +103,31 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
     refuse('')
   })
   const programs = h('button', { class: 'quiet', testid: 'programs', onclick: showPrograms }, 'Python, ROS, C++…')
-  return h(
-    'section',
-    { class: 'section' },
-    h('div', { class: 'heading' }, h('h2', {}, 'Bridge'), programs),
+  const details = h(
+    'details',
+    { testid: 'bridge', open: loadPreference('bridge') === 'open' },
+    h('summary', {}, 'Connect a devkit script', status),
     h(
       'form',
       { class: 'bridge', novalidate: true, onsubmit: (event: Event) => void start(event) },
       h('div', { class: 'address' }, labelledField('IP Address', host), labelledField('Port Number', port)),
-      row(h('div', {}, connect, disconnect), status),
+      h('div', { class: 'connects' }, connect, disconnect),
       h('div', { class: 'below' }, hint, error, script),
     ),
+  )
+  details.addEventListener('toggle', () => savePreference('bridge', details.open ? 'open' : 'closed'))
+  let wasUsed = false
+  store.status.watch((now) => {
+    const isUsed = now !== null && (now.bridge.state !== 'closed' || now.bridge.error !== '')
+    if (isUsed && !wasUsed) details.open = true // what connects is seen
+    wasUsed = isUsed
+  })
+  return h(
+    'section',
+    { class: 'section' },
+    h('div', { class: 'heading' }, h('h2', {}, 'Programs'), programs),
+    h('p', { class: 'muted' }, 'A program of yours drives in Autonomous mode.'),
+    details,
   )
 }
 

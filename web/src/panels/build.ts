@@ -13,6 +13,7 @@ import { barButton, nameEdit } from './edit'
 import { h } from './element'
 import { choice, setOptions } from './fields'
 import { ADD, COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, SHOW_ALL, START, TURN_LEFT, UNDO } from './icons'
+import { busy } from './pending'
 import { saveMap } from './save_dialog'
 import { faults, randomTrack, shape } from './track'
 import type { VehicleEvents } from './vehicle_events'
@@ -79,7 +80,7 @@ function bar(store: Store, building: Building, isPanelOpen: Observable<boolean>)
       'Close',
       LOOP,
       'Close the loop: add the roads from this open end to the nearest other one ({KeyC})',
-      () => void builder.close(),
+      () => void busy(ofMap.close, () => builder.close()),
     ),
     copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
       builder.duplicate(),
@@ -123,8 +124,8 @@ function bar(store: Store, building: Building, isPanelOpen: Observable<boolean>)
     ),
   }
   const ofBoth = {
-    undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
-    redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
+    undo: barButton('build-undo', 'Undo', UNDO, '', () => void busy(ofBoth.undo, () => editor.undo())),
+    redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(ofBoth.redo, () => editor.redo())),
     all: barButton('build-all', 'Show all', SHOW_ALL, 'Show the whole map (Home)', showAll),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
     details: barButton('build-details', 'Panel', DETAILS, 'Show or hide the pieces and the errors', () => {
@@ -196,7 +197,9 @@ function start(store: Store, { builder, trackBuilder, files }: Building): HTMLEl
     select.value = ''
     if (name && (await mayReplace())) await builder.use({ name })
   }
-  const select = choice('build-template', (name) => void use(name), { 'aria-label': 'Start from a map' })
+  const select = choice('build-template', (name) => void busy(select, () => use(name)), {
+    'aria-label': 'Start from a map',
+  })
   store.scene.watch((scene) => {
     const templates = (scene?.map_scene ?? scene?.track_scene)?.templates ?? {}
     setOptions(select, { '': 'Choose a map', ...templates })
@@ -205,13 +208,13 @@ function start(store: Store, { builder, trackBuilder, files }: Building): HTMLEl
   const startTrack = async (): Promise<void> => {
     if ((await mayReplace()) && (await trackBuilder.start())) trackBuilder.showAll()
   }
-  const track = h('button', { testid: 'track-new', onclick: () => void startTrack() }, 'New track')
+  const track = h('button', { testid: 'track-new', onclick: () => void busy(track, startTrack) }, 'New track')
   const picker = (testid: string, accept: string): HTMLInputElement => {
     const file = h('input', { type: 'file', accept, multiple: true, testid, hidden: true })
     file.addEventListener('change', () => {
       const chosen = [...(file.files ?? [])]
       file.value = ''
-      if (chosen.length > 0) void openFiles(chosen)
+      if (chosen.length > 0) void busy(open, () => openFiles(chosen))
     })
     return file
   }
@@ -220,7 +223,9 @@ function start(store: Store, { builder, trackBuilder, files }: Building): HTMLEl
   const fromPicture = h('button', { testid: 'build-picture', onclick: () => picture.click() }, 'From a picture')
   fromPicture.title = 'Make a race track of a drawing, or of the map of a SLAM program (PNG, PGM)'
   const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
-  const own = choice('build-own', (name) => name && void openOwn(name), { 'aria-label': 'Open a file of the folder' })
+  const own = choice('build-own', (name) => name && void busy(own, () => openOwn(name)), {
+    'aria-label': 'Open a file of the folder',
+  })
   const openOwn = async (name: string): Promise<void> => {
     own.value = ''
     if (await mayReplace()) await userFiles.open(name)

@@ -6,6 +6,7 @@ import type { MapProblem, MapScene } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
 import { errorCount, section } from './fields'
+import { busy } from './pending'
 import type { VehicleEvents } from './vehicle_events'
 
 const DEGREE = Math.PI / 180
@@ -28,12 +29,11 @@ export function problems(store: Store, builder: Builder, vehicleEvents: VehicleE
   }
   const itemOf = (problem: MapProblem): HTMLElement => {
     const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
-    const repair = h('button', { onclick: () => void builder.repair(problem) }, 'Repair')
+    const repair = h('button', { onclick: () => void busy(repair, () => builder.repair(problem)) }, 'Repair')
     const isKnown = Object.keys(problem.repair).length > 0
     const { place, vehicle } = problem
-    const put =
-      place &&
-      h('button', { onclick: () => void builder.placeAt(vehicle, place) }, `Put ${vehicle} on the nearest road`)
+    const onPut = (): void => void (put && place && busy(put, () => builder.placeAt(vehicle, place)))
+    const put = place && h('button', { onclick: onPut }, `Put ${vehicle} on the nearest road`)
     const row = h('div', { class: 'row' }, show, isKnown && repair, put)
     const item = h('li', {}, h('span', {}, problemText(problem, builder.scene?.parts ?? {})), row)
     item.dataset.kind = problem.kind
@@ -60,9 +60,17 @@ export function problems(store: Store, builder: Builder, vehicleEvents: VehicleE
 /** How many ends of roads are open, and what can be done with all of them. */
 function openEnds(store: Store, builder: Builder): HTMLElement {
   const text = h('span', { testid: 'build-ends-state', role: 'status' })
-  const close = h('button', { testid: 'build-close-all', onclick: () => void builder.closeAll() }, 'Close all')
+  const close = h(
+    'button',
+    { testid: 'build-close-all', onclick: () => void busy(close, () => builder.closeAll()) },
+    'Close all',
+  )
   const next = h('button', { testid: 'build-next-end', onclick: () => builder.nextPort() }, 'Show me')
-  const leave = h('button', { testid: 'build-leave-open', onclick: () => void builder.leaveOpen() }, 'Leave open')
+  const leave = h(
+    'button',
+    { testid: 'build-leave-open', onclick: () => void busy(leave, () => builder.leaveOpen()) },
+    'Leave open',
+  )
   close.title = 'Add roads from end to end; an end that no road reaches gets a dead end'
   next.title = 'Go to the next open end, where a piece can be set ({KeyN})'
   leave.title = 'The road may end there'

@@ -8,6 +8,7 @@ import { faceOf, solidPicture } from './build_pieces'
 import { numberField } from './edit'
 import { h, setText } from './element'
 import { labelled, section } from './fields'
+import { busy } from './pending'
 
 const DEGREE = Math.PI / 180
 
@@ -34,7 +35,7 @@ export function selection(store: Store, builder: Builder): HTMLElement {
   )
   const sizes = h('div', { class: 'fields' }, named('Length [m]', fields.length), named('Width [m]', fields.width))
   const open = labelled('Ends may stay open', isOpen)
-  const car = h('button', { testid: 'build-car', onclick: () => void builder.placeVehicle() })
+  const car = h('button', { testid: 'build-car', onclick: () => void busy(car, () => builder.placeVehicle()) })
   store.vehicle.watch((vehicle) => setText(car, `Put ${vehicle || 'the vehicle'} here`))
   const title = h('div', {}, name, kind)
   const element = section('Selected', h('div', { class: 'heading' }, picture, title), pose, sizes, open, car)

@@ -1,6 +1,6 @@
 // The dialog "Connect a program": for each language the shortest program that drives, to copy.
 import type { Store } from '../store'
-import { copyText } from './clipboard'
+import { copyButton } from './clipboard'
 import { h, setText } from './element'
 import { segments } from './fields'
 import { addressOfPage, SNIPPETS } from './snippets'
@@ -8,7 +8,6 @@ import { addressOfPage, SNIPPETS } from './snippets'
 export function connectDialog(store: Store): { element: HTMLDialogElement; open: () => void } {
   const note = h('p', { class: 'muted' })
   const code = h('pre', { testid: 'snippet', tabindex: 0, role: 'group', 'aria-label': 'Program' })
-  const copied = h('span', { class: 'muted', testid: 'snippet-copied', role: 'status' })
   const options = SNIPPETS.map(({ title }) => [title, title] as const)
   const languages = segments('language', 'Language', options, show)
 
@@ -17,11 +16,6 @@ export function connectDialog(store: Store): { element: HTMLDialogElement; open:
     languages.show(snippet.title)
     setText(note, snippet.note)
     setText(code, snippet.code(addressOfPage(), store.vehicle.value))
-    setText(copied, '')
-  }
-
-  async function copy(): Promise<void> {
-    setText(copied, (await copyText(code)) ? 'Copied.' : 'Press Ctrl-C to copy the selected text.')
   }
 
   const element = h(
@@ -44,12 +38,7 @@ export function connectDialog(store: Store): { element: HTMLDialogElement; open:
       languages.element,
       note,
       code,
-      h(
-        'div',
-        { class: 'row' },
-        h('button', { testid: 'copy', class: 'primary', onclick: () => void copy() }, 'Copy'),
-        copied,
-      ),
+      h('div', { class: 'row' }, copyButton('copy', code, { isPrimary: true })),
     ),
   )
 

@@ -8,11 +8,12 @@ const PAGE = 60
 export const DAY = 24 * 60
 /** The dial shows what the user has set for so long [ms]: Frames with the new value come later. */
 const REST = 700
+const KEYS = 'Time of day: arrow keys 5 minutes, Page keys 1 hour'
 
 export interface Dial {
   element: HTMLElement
-  /** Shows a time [min since midnight] and whether it is the time of the scene; else the light is fixed. */
-  show: (minutes: number, isFollowed: boolean) => void
+  /** Shows a time [min since midnight], or a fixed light by its name. */
+  show: (minutes: number, light?: string) => void
   /** Paints the ring: CSS colours at equal distances from midnight to midnight. */
   paint: (colours: readonly string[]) => void
   /** Marks sunrise and sunset [min since midnight]. */
@@ -31,7 +32,7 @@ export function dial(choose: (minutes: number) => void): Dial {
     'div',
     {
       ...{ class: 'dial', testid: 'time-of-day', role: 'slider', tabindex: 0, 'aria-label': 'Time of day' },
-      ...{ 'aria-valuemin': 0, 'aria-valuemax': DAY - 1, title: 'Time of day: arrow keys 5 minutes, Page keys 1 hour' },
+      ...{ 'aria-valuemin': 0, 'aria-valuemax': DAY - 1, title: KEYS },
       onkeydown: (event: KeyboardEvent) => key(event),
       onpointerdown: (event: PointerEvent) => {
         element.setPointerCapture(event.pointerId)
@@ -83,11 +84,12 @@ export function dial(choose: (minutes: number) => void): Dial {
   draw(minutes)
   return {
     element,
-    show: (shown, isFollowed) => {
-      element.classList.toggle('fixed', !isFollowed)
+    show: (shown, light) => {
+      element.classList.toggle('fixed', light !== undefined)
       if (performance.now() - moved < REST) return
       draw(shown)
-      setText(text, isFollowed ? clockTime(shown) : '–')
+      setText(text, light ?? clockTime(shown))
+      element.title = light === undefined ? KEYS : `${light}, a fixed light. Drag the hand to choose a time. ${KEYS}`
     },
     paint: (colours) => (ring.style.backgroundImage = `conic-gradient(from 180deg, ${colours.join(', ')})`),
     mark: (...times) => {

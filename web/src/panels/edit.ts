@@ -7,6 +7,7 @@ import type { Store } from '../store'
 import { h, icon, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { ADD, DETAILS, REDO, REMOVE, SAVE, TURN_LEFT, TURN_RIGHT, UNDO } from './icons'
+import { busy } from './pending'
 import { sensors } from './sensors'
 
 const DEGREE = Math.PI / 180
@@ -54,19 +55,19 @@ function bar(
   }
   const add = () => {
     const at = view()?.groundPoint(0.5 * innerWidth, 0.5 * innerHeight) ?? [0, 0]
-    void editor.addBox(at[0], at[1])
+    void busy(buttons.add, () => editor.addBox(at[0], at[1]))
   }
   const buttons = {
     add: barButton('edit-add', 'Add box', ADD, 'Add a box in the middle of the view', add),
     remove: barButton('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
     left: barButton('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
     right: barButton('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
-    undo: barButton('edit-undo', 'Undo', UNDO, '', () => void editor.undo()),
-    redo: barButton('edit-redo', 'Redo', REDO, '', () => void editor.redo()),
+    undo: barButton('edit-undo', 'Undo', UNDO, '', () => void busy(buttons.undo, () => editor.undo())),
+    redo: barButton('edit-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
     save: barButton('edit-save', 'Save as scenario', SAVE, 'Download the scenario as a YAML file', () => void save()),
     details: barButton(
       'edit-details',
-      'Details',
+      'Panel',
       DETAILS,
       'Show the selected thing, the next box and the sensors',
       () => {

@@ -70,9 +70,14 @@ export function positionNote(): HTMLElement {
   return note
 }
 
-export function help(): { element: HTMLDialogElement; toggle: () => void } {
+/** `startTour` begins the tour of the page. */
+export function help(startTour: () => void): { element: HTMLDialogElement; toggle: () => void } {
   const body = h('div', { class: 'help-body' }, ...lists())
   const close = () => element.close()
+  const begin = () => {
+    close()
+    startTour()
+  }
   const element = h(
     'dialog',
     {
@@ -88,7 +93,13 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
         element.close()
       },
     },
-    h('header', {}, h('h2', {}, 'Keys and controls'), h('button', { testid: 'help-close', onclick: close }, 'Close')),
+    h(
+      'header',
+      {},
+      h('h2', {}, 'Keys and controls'),
+      h('button', { class: 'live', testid: 'help-tour', onclick: begin }, 'Start the tour'),
+      h('button', { testid: 'help-close', onclick: close }, 'Close'),
+    ),
     positionNote(),
     body,
   )

@@ -8,10 +8,11 @@ import { History } from './history'
 import type { HudState } from './hud_rows'
 import { clock, TEXTS } from './hud_rows'
 import type { Rows, Section } from './hud_sections'
-import { dashboard, race, sensors, signalRow, simulation } from './hud_sections'
+import { dashboard, driving, race, sensors, signalRow, simulation } from './hud_sections'
 import { plot } from './plot'
 import { polar } from './polar'
 import { loadPreference, savePreference } from './preferences'
+import type { Previews } from './previews'
 import { previews } from './previews'
 import { sensorView } from './sensor_view'
 import type { VehicleEvents } from './vehicle_events'
@@ -25,21 +26,28 @@ const WINDOWS = [10, 20, 30]
 export function hud(store: Store, connection: Connection, vehicleEvents: VehicleEvents): HTMLElement {
   const history = new History()
   const rows: Rows = new Map()
-  const sections = [
+  const images = previews(store)
+  const more = h('details', { class: 'hud-more', testid: 'hud-more', open: loadPreference('hud.more') === 'open' })
+  const front = { element: images.front, refresh: (state: HudState) => images.refresh(state, more.open) }
+  const first: Section[] = [driving(rows), race(rows), front]
+  more.append(h('summary', {}, h('h2', {}, 'More: other cameras, sensors, LIDAR, plots')))
+  more.addEventListener('toggle', () => savePreference('hud.more', more.open ? 'open' : 'closed'))
+  const others = [
+    cameras(store, connection, images, more),
     dashboard(rows, vehicleEvents),
-    race(rows),
-    cameras(store, connection),
     sensors(rows),
     lidar(rows, store),
     simulation(rows),
     plots(history),
   ]
+  more.append(...others.map((section) => section.element))
   const old = h('p', { class: 'hud-old', testid: 'hud-old', hidden: true })
   const element = h(
     'aside',
     { id: 'hud', class: 'panel hud', testid: 'hud', 'aria-label': 'Head-up display', tabindex: -1, hidden: true },
     old,
-    ...sections.map((section) => section.element),
+    ...first.map((section) => section.element),
+    more,
   )
   store.link.watch((link) => {
     old.hidden = link !== 'lost'
@@ -50,7 +58,8 @@ export function hud(store: Store, connection: Connection, vehicleEvents: Vehicle
     if (!store.isHudOpen.value || document.hidden) return
     const state = hudState(store)
     for (const [id, write] of rows) write(TEXTS[id](state))
-    for (const section of sections) if (isExpanded(section.element)) section.refresh(state)
+    const shown = more.open ? [...first, ...others.filter((section) => isExpanded(section.element))] : first
+    for (const section of shown) section.refresh(state)
   }
 
   let time = 0
@@ -149,7 +158,14 @@ function lidar(rows: Rows, store: Store): Section {
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
   const element = collapsible('lidar', 'LIDAR', h('div', { class: 'lidar-split' }, plan.element, figures))
-  return { element, refresh: everyOther(plan.refresh) }
+  const draw = everyOther(plan.refresh)
+  return {
+    element,
+    refresh(state) {
+      element.hidden = state.scene !== null && state.scene.lidar === null
+      if (!element.hidden) draw(state)
+    },
+  }
 }
 
 const BEARING = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
@@ -168,15 +184,19 @@ function bearingField(store: Store): HTMLElement {
   return field
 }
 
-function cameras(store: Store, connection: Connection): Section {
-  const images = previews(store)
+/** The other cameras, and depth and labels; `more` contains the section. */
+function cameras(store: Store, connection: Connection, images: Previews, more: HTMLDetailsElement): Section {
   const view = sensorView(store, connection)
-  const element = collapsible('cameras', 'Cameras', images.element, view.element)
-  const show = () => view.show(store.isHudOpen.value && element.open && !document.hidden)
-  element.addEventListener('toggle', show)
+  const element = collapsible('cameras', 'Cameras', images.others, view.element)
+  const show = () => view.show(store.isHudOpen.value && more.open && element.open && !document.hidden)
+  for (const details of [element, more]) details.addEventListener('toggle', show)
   document.addEventListener('visibilitychange', show)
   store.isHudOpen.watch(show)
-  return { element, refresh: images.refresh }
+  const hasCameras = () => (store.scene.value?.vehicles[store.vehicle.value]?.cameras.length ?? 1) > 0
+  const showSection = () => (element.hidden = !hasCameras())
+  store.scene.watch(showSection)
+  store.vehicle.watch(showSection)
+  return { element, refresh: () => {} }
 }
 
 function plots(history: History): Section {

@@ -52,6 +52,11 @@ export function gear(vehicle: VehicleFrame): 'D' | 'R' {
   return Math.round(rpm * 10) < 0 ? 'R' : 'D'
 }
 
+/** For example '0.42 m/s'. */
+export function speedText(vehicle: VehicleFrame): string {
+  return `${fixed(Math.abs(vehicle.velocity[0]))} m/s`
+}
+
 /** Yaw of the LIDAR in the vehicle frame [rad]. */
 export function yawOf(lidar: Pose | null | undefined): number {
   const [w = 1, x = 0, y = 0, z = 0] = lidar?.orientation ?? []
@@ -105,7 +110,7 @@ export function element(value: Value, index = 0): number {
 type Text = (state: HudState) => string
 
 /** A number and its unit. */
-const withUnit = (text: string, unit: string) => `${text}${unit === '%' || unit === '' ? unit : ` ${unit}`}`
+const withUnit = (text: string, unit: string) => (unit === '' ? text : `${text} ${unit}`)
 
 /** How the text of a row is made, by its format. */
 const FORMATS: Record<Exclude<HudRow['format'], 'vector'>, (value: Value, row: HudRow, state: HudState) => string> = {
@@ -154,7 +159,7 @@ const BRIDGE = { closed: 'Disconnected', connecting: 'Connecting', connected: 'C
 export const TEXTS = {
   ...SIGNAL_TEXTS,
   time: ({ frame }) => (frame ? clock(frame.time) : NONE),
-  'frame-rate': ({ frameRate }) => `${fixed(frameRate, 0)} Hz`,
+  'frame-rate': ({ frameRate }) => (frameRate > 0 ? `${fixed(frameRate, 0)} Hz` : NONE), // not known yet
   rtf: ofStatus((status) => `${fixed(status.real_time_factor)} ×`),
   viewers: ofStatus((status) => String(status.clients)),
   driver: (state) => driver(state),

@@ -58,7 +58,13 @@ function bar(): { element: HTMLElement; set: (share: number) => void } {
   }
 }
 
-/** Time, speed, gear, actuators, lamps, road and collisions. */
+/** Speed, gear and driving mode. */
+export function driving(rows: Rows): Section {
+  const list = h('dl', { class: 'motion' }, signalRow(rows, 'speed'), signalRow(rows, 'gear'), signalRow(rows, 'mode'))
+  return { element: h('section', { class: 'driving', 'aria-label': 'Driving' }, list), refresh: () => {} }
+}
+
+/** Time, actuators, lamps, road and collisions. */
 export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
   const throttleBar = bar()
   const steeringBar = bar()
@@ -77,7 +83,6 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       row(rows, 'frame-rate', 'Frame Rate', 'Frames per second of the 3D view'),
       row(rows, 'rtf', 'Real Time', 'Simulated seconds per second of wall time'),
     ),
-    h('dl', { class: 'motion' }, signalRow(rows, 'speed'), signalRow(rows, 'gear'), signalRow(rows, 'mode')),
     h(
       'dl',
       { class: 'actuators' },

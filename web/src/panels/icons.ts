@@ -1,6 +1,10 @@
 // Icon paths on a 24 x 24 grid, for `icon`.
 
 export const MENU = 'M4 7h16M4 12h16M4 17h16'
+// a steering wheel
+export const MODE =
+  'M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18M12 10a2 2 0 1 0 0 4 2 2 0 0 0 0-4M10 12H3.2M14 12h6.8M12 14v6.8'
+export const RESET = 'M5 4v5h5M5.5 9A8 8 0 1 1 4 13'
 export const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
 export const LEFT_INDICATOR = 'M10.5 5.5 3.5 12l7 6.5V15H20V9h-9.5z'
 export const RIGHT_INDICATOR = 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z'

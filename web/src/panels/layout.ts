@@ -1,21 +1,16 @@
-// Which panels are open: on a wide screen both from the start, on a small screen one at a time.
+// Which panels are open: none at the start, and on a small screen one at a time.
 import type { Store } from '../store'
 
 /** Screens with room for one panel; as in style.css. */
 const ONE_PANEL = '(max-width: 719px), (max-height: 559px) and (pointer: coarse)'
-/** Screens on which both panels leave enough of the scene visible. */
-const BOTH_PANELS = '(min-width: 1200px)'
-
-/** Opens both panels if the screen is wide. */
-export function openPanelsOnWideScreens(store: Store): void {
-  if (matchMedia(BOTH_PANELS).matches) store.isMenuOpen.value = store.isHudOpen.value = true
-}
+/** Screens on which the small map leaves enough of the scene visible. */
+const WIDE = '(min-width: 1200px)'
 
 /** Opens the small map, once for each race, if the screen is wide. */
 export function openMapForRaces(store: Store): void {
   let scene: Store['scene']['value'] = null
   store.frame.watch((frame) => {
-    if (!frame || scene === store.scene.value || !matchMedia(BOTH_PANELS).matches) return
+    if (!frame || scene === store.scene.value || !matchMedia(WIDE).matches) return
     if (!Object.values(frame.vehicles).some(({ race }) => race && race.lap_total > 0)) return
     scene = store.scene.value
     store.isMapOpen.value = true

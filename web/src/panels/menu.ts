@@ -1,4 +1,4 @@
-// The menu: the controls of the report (table 13), then time, scenario and view.
+// The menu in three tabs: scenario, view and tools, programs. It has the controls of the report (table 13).
 
 import type { Actions } from '../actions'
 import { sentence } from '../actions'
@@ -8,9 +8,12 @@ import type { Quality, Store } from '../store'
 import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
-import { clock } from './hud_rows'
+import { clock, NONE } from './hud_rows'
+import { busy, disableWhenRefused } from './pending'
+import { loadPreference, savePreference } from './preferences'
 import { rangeScale } from './range_scale'
 import { mayDiscard } from './save_dialog'
+import { tabs } from './tabs'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
 import { tools } from './tools'
@@ -44,68 +47,55 @@ const THEMES = [
   ['dark', 'Dark'],
 ] as const
 
-/** `showPrograms` shows programs that connect; `save` saves the edited scenario, and returns whether it did. */
+/** `recording` is the section that records; `showPrograms` shows programs that connect; `save` saves the edited
+ * scenario, and returns whether it did. */
 export function menu(
   store: Store,
   connection: Connection,
   actions: Actions,
+  recording: HTMLElement,
   showPrograms: () => void,
   save: () => Promise<boolean>,
 ): HTMLElement {
+  const parts = {
+    scenario: h(
+      'div',
+      {},
+      scenario(store, connection, save),
+      weather(store, actions),
+      trafficLights(store, actions),
+      time(store, actions),
+    ),
+    view: h('div', {}, view(store, actions), tools(store, actions), recording),
+    programs: h('div', {}, bridge(store, connection, showPrograms)),
+  }
+  const { element, show } = tabs(
+    'menu-tab',
+    'Parts of the menu',
+    [
+      ['scenario', 'Scenario', parts.scenario],
+      ['view', 'View and tools', parts.view],
+      ['programs', 'Programs', parts.programs],
+    ],
+    (id) => savePreference('menu', id),
+  )
   const panel = h(
     'aside',
     { class: 'panel menu', id: 'menu', testid: 'menu', 'aria-label': 'Menu' },
-    bridge(store, connection, showPrograms),
-    simulator(store, actions),
-    time(store, actions),
-    scenario(store, connection, save),
-    weather(store, actions),
-    trafficLights(store, actions),
-    view(store),
-    tools(store, actions),
+    element,
+    ...Object.values(parts),
   )
+  const known = loadPreference('menu') ?? ''
+  show(known in parts ? known : 'scenario')
+  let isReplay = false
+  store.status.watch((status) => {
+    const isReplayNow = status !== null && status.position !== null
+    if (isReplayNow && !isReplay) show('view') // a replay has no scenario to choose and no program
+    isReplay = isReplayNow
+    element.hidden = isReplay
+  })
   store.isMenuOpen.watch((isOpen) => (panel.hidden = !isOpen))
   return panel
-}
-
-function simulator(store: Store, actions: Actions): HTMLElement {
-  const mode = state('mode-status')
-  const camera = state('camera-status')
-  const light = state('scene-light-status')
-  const lightButton = h('button', { testid: 'scene-light', onclick: () => actions.toggleSceneLight() }, 'Scene Light')
-  const modeButton = h('button', { testid: 'mode', onclick: () => actions.toggleMode() }, 'Driving Mode')
-  const vehicle = choice('vehicle', (name) => (store.vehicle.value = name))
-  const vehicleField = labelled('Vehicle', vehicle)
-
-  function show(): void {
-    const frame = store.frame.value
-    const isAutonomous = frame?.vehicles[store.vehicle.value]?.is_autonomous
-    setText(mode, isAutonomous === undefined ? '–' : isAutonomous ? 'Autonomous' : 'Manual')
-    setText(light, frame ? (frame.scene_light ? 'On' : 'Off') : '–')
-    modeButton.setAttribute('aria-pressed', String(isAutonomous ?? false))
-    lightButton.setAttribute('aria-pressed', String(frame?.scene_light ?? false))
-  }
-
-  store.frame.watch(show)
-  store.vehicle.watch((name) => {
-    vehicle.value = name
-    show()
-  })
-  store.camera.watch((name) => setText(camera, name))
-  store.scene.watch((scene) => {
-    const names = Object.keys(scene?.vehicles ?? {})
-    setOptions(vehicle, Object.fromEntries(names.map((name) => [name, name])))
-    vehicle.value = store.vehicle.value
-    vehicleField.hidden = names.length < 2
-  })
-  return section(
-    'Simulator',
-    vehicleField,
-    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
-    live(row(modeButton, mode)),
-    row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
-    live(row(lightButton, light)),
-  )
 }
 
 /** Marks what has no effect in a replay, which hides it. */
@@ -149,6 +139,8 @@ function time(store: Store, actions: Actions): HTMLElement {
     { testid: 'step', title: 'Run this number of ticks, then pause (key {KeyN}: one tick)', onclick: run },
     'Step',
   )
+  disableWhenRefused(store, step, 'Step')
+  disableWhenRefused(store, pause, 'Pause')
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
     void actions.request({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })
@@ -158,17 +150,36 @@ function time(store: Store, actions: Actions): HTMLElement {
     pause.setAttribute('aria-pressed', String(status.is_paused))
     speed.show(status.speed === null ? MAX : String(status.speed))
   })
+  const reset = h('button', { testid: 'reset', onclick: () => void busy(reset, () => actions.reset()) }, 'Reset')
+  disableWhenRefused(store, reset, 'Reset')
   return section(
-    'Time',
+    'Time and driving',
+    live(row(reset, timeText(store))),
     h('div', { class: 'steps' }, pause, step, ticks, h('span', { class: 'muted' }, 'ticks'), error),
     h('div', { class: 'labelled' }, h('span', {}, 'Speed'), speed.element),
+    drivingMode(store, actions),
   )
+}
+
+function drivingMode(store: Store, actions: Actions): HTMLElement {
+  const mode = state('mode-status')
+  const button = h('button', { testid: 'mode', onclick: () => actions.toggleMode() }, 'Driving Mode')
+  const show = () => {
+    const isAutonomous = store.frame.value?.vehicles[store.vehicle.value]?.is_autonomous
+    setText(mode, isAutonomous === undefined ? NONE : isAutonomous ? 'Autonomous' : 'Manual')
+    button.setAttribute('aria-pressed', String(isAutonomous ?? false))
+  }
+  store.frame.watch(show)
+  store.vehicle.watch(show)
+  disableWhenRefused(store, button, 'SetDrivingMode')
+  return live(row(button, mode))
 }
 
 function scenario(store: Store, connection: Connection, save: () => Promise<boolean>): HTMLElement {
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
   const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
   const select = choice('scenario', (name) => void choose(name), { 'aria-label': 'Scenario' })
+  disableWhenRefused(store, select, 'LoadScenario')
   let isLoading = false
 
   /** Loads another scenario; asks first if the present one has edits that are in no file. */
@@ -190,7 +201,8 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
     } catch (reason) {
       showText(error, sentence(reason))
     }
-    isLoading = select.disabled = false
+    isLoading = false
+    select.disabled = 'LoadScenario' in store.refused.value
     show()
   }
 
@@ -220,7 +232,9 @@ function showText(element: HTMLElement, text: string): void {
   element.hidden = !text
 }
 
-function view(store: Store): HTMLElement {
+function view(store: Store, actions: Actions): HTMLElement {
+  const camera = state('camera-status')
+  store.camera.watch((name) => setText(camera, name))
   const quality = choice('quality', (value) => (store.quality.value = value as Quality), {
     title: 'Quality of the 3D view. Stream: the simulator renders it and sends images',
   })
@@ -240,9 +254,25 @@ function view(store: Store): HTMLElement {
   theme.show(savedTheme())
   return section(
     'View',
+    vehicleField(store),
+    row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
     labelled('Quality', quality),
     labelled('Show LIDAR scan', scan),
     scale,
     h('div', { class: 'labelled' }, h('span', {}, 'Theme'), theme.element),
   )
+}
+
+/** The list of the vehicles, if there are several. */
+function vehicleField(store: Store): HTMLElement {
+  const vehicle = choice('vehicle', (name) => (store.vehicle.value = name))
+  const field = labelled('Vehicle', vehicle)
+  store.vehicle.watch((name) => (vehicle.value = name))
+  store.scene.watch((scene) => {
+    const names = Object.keys(scene?.vehicles ?? {})
+    setOptions(vehicle, Object.fromEntries(names.map((name) => [name, name])))
+    vehicle.value = store.vehicle.value
+    field.hidden = names.length < 2
+  })
+  return field
 }

@@ -2,7 +2,7 @@
 import { sentence } from '../actions'
 import { describe, isDetail, type Level } from '../log'
 import type { Store } from '../store'
-import { copyText, splitCommand } from './clipboard'
+import { copyButton, splitCommand } from './clipboard'
 import { h } from './element'
 
 /** How long a notice is shown [ms]. A repeated event is counted on the notice that is shown. */
@@ -22,13 +22,10 @@ interface Notice {
 function errorOf(text: string, close: () => void): HTMLElement {
   const found = splitCommand(text)
   const command = found && h('code', {}, found[1])
-  const copy = h('button', { testid: 'notice-copy', onclick: () => void run() }, 'Copy')
-  const run = async (): Promise<void> => {
-    if (command) copy.textContent = (await copyText(command)) ? 'Copied' : 'Press Ctrl-C'
-  }
+  const copy = command && copyButton('notice-copy', command)
   const words = h('span', {}, ...(found ? [found[0], command] : [text]))
   const end = h('button', { testid: 'notice-close', 'aria-label': 'Close the error', onclick: close }, 'Close')
-  return h('div', { class: 'notice', 'data-severity': 'error', role: 'alert' }, words, command && copy, end)
+  return h('div', { class: 'notice', 'data-severity': 'error', role: 'alert' }, words, copy, end)
 }
 
 export function notices(store: Store): HTMLElement {

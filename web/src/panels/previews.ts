@@ -6,9 +6,11 @@ import type { HudState } from './hud_rows'
 import { fixed } from './hud_rows'
 
 export interface Previews {
-  element: HTMLElement
-  /** Draws new images, and shows why images are missing. */
-  refresh: (state: HudState) => void
+  /** The front camera. */
+  front: HTMLElement
+  others: HTMLElement
+  /** Draws new images, and shows why images are missing; of the front camera only, unless the others are shown. */
+  refresh: (state: HudState, areOthersShown: boolean) => void
 }
 
 /** Window over which the rate is measured [ms]. */
@@ -16,27 +18,31 @@ const WINDOW = 2000
 /** An image that is older than this [s] is shown as stale. */
 const STALE_AGE = 1
 
-/** The cameras of the report, always shown; a vehicle may have more. */
-const ALWAYS = ['front', 'rear']
+/** The cameras of the report, for which there is a place before the scene is known; a vehicle may have others. */
+const STANDARD = ['front', 'rear']
 
 export function previews(store: Store): Previews {
-  const element = h('div', { class: 'previews' })
+  const front = h('div', { class: 'previews' })
+  const others = h('div', { class: 'previews' })
   const all = new Map<string, Preview>()
   const add = (camera: string) => {
     const preview = new Preview(camera)
     all.set(camera, preview)
-    element.append(preview.element)
+    ;(camera === 'front' ? front : others).append(preview.element)
   }
-  ALWAYS.forEach(add)
+  STANDARD.forEach(add)
   return {
-    element,
-    refresh(state) {
-      for (const camera of state.scene?.cameras ?? []) if (!all.has(camera)) add(camera)
+    front,
+    others,
+    refresh(state, areOthersShown) {
+      const mounted = state.scene?.cameras ?? STANDARD
+      for (const camera of mounted) if (!all.has(camera)) add(camera)
       for (const [camera, preview] of all) {
-        const isMounted = state.scene?.cameras.includes(camera) ?? true
-        preview.element.hidden = !isMounted && !ALWAYS.includes(camera)
-        preview.refresh(state, isMounted, store.cameraImages.get(`${state.name}/${camera}`) ?? null)
+        preview.element.hidden = !mounted.includes(camera)
+        if (areOthersShown || camera === 'front')
+          preview.refresh(state, store.cameraImages.get(`${state.name}/${camera}`) ?? null)
       }
+      front.hidden = !mounted.includes('front')
     },
   }
 }
@@ -65,7 +71,7 @@ class Preview {
     this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, this.view, caption)
   }
 
-  refresh(state: HudState, isMounted: boolean, image: Picture | null): void {
+  refresh(state: HudState, image: Picture | null): void {
     const now = performance.now()
     if (image && image !== this.shown && !this.isDrawing) {
       this.arrivals.push(now)
@@ -76,7 +82,7 @@ class Preview {
     const age = image && state.frame ? Math.max(0, state.frame.time - image.time) : 0
     this.canvas.style.visibility = this.shown ? 'visible' : 'hidden'
     this.element.dataset.state = this.shown ? (age > STALE_AGE ? 'stale' : 'live') : 'none'
-    const text = this.shown ? '' : statusText(isMounted, state.status?.cameras_error ?? '')
+    const text = this.shown ? '' : statusText(state.status?.cameras_error ?? '')
     setText(this.state, text)
     this.view.title = text || this.title
     setText(this.figures, this.shown ? `${fixed(this.rate(), 0)} Hz · ${ageText(age)}` : '')
@@ -112,8 +118,7 @@ class Preview {
   }
 }
 
-function statusText(isMounted: boolean, error: string): string {
-  if (!isMounted) return 'not on this vehicle'
+function statusText(error: string): string {
   return error ? `no images: ${error}` : 'starting…'
 }
 

@@ -5,8 +5,9 @@ import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
 import { fileName, scenarioTitle, stem } from '../scenario_title'
 import type { Store } from '../store'
-import { copyText } from './clipboard'
-import { h, setText } from './element'
+import { copyButton } from './clipboard'
+import { h } from './element'
+import { choice, setOptions } from './fields'
 import { ask, type Choice } from './question'
 
 /** Added to the title of the scenario that was edited. */
@@ -18,10 +19,10 @@ export async function saveScenario(store: Store, editor: Editor, files: UserFile
   const before = scene ? scenarioTitle(scene.scenario, scene.title) : ''
   const value = before.endsWith(EDITED) ? before : `${before}${EDITED}`
   const { fields, title, name } = named(value, editor.fileName)
-  const choice = await ask('save-dialog', 'Save as scenario', fields, [...inFolder(files), ['save', 'Save', true]])
+  const answer = await ask('save-dialog', 'Save as scenario', fields, [...inFolder(files), ['save', 'Save', true]])
   const named_ = [title.value.trim(), name.value.trim()] as const
-  if (choice === 'folder') return saveInFolder(files, 'scenario', ...named_)
-  return choice === 'save' && editor.save(...named_)
+  if (answer === 'folder') return saveInFolder(files, 'scenario', ...named_)
+  return answer === 'save' && editor.save(...named_)
 }
 
 /** The choice to save in the user's folder, if there is one. */
@@ -48,8 +49,8 @@ async function exportMap(store: Store, files: UserFiles, name: string): Promise<
   })
   const note = h('p', {}, 'A picture (PNG) and its YAML file for map_server of ROS: white is free, black is occupied.')
   const field = h('label', { class: 'named' }, h('span', {}, 'Edge of a pixel [m]'), edge)
-  const choice = await ask('export-dialog', 'Export the map', [note, field], [['export', 'Export', true]])
-  return choice === 'export' && files.exportMap(name, Number(edge.value))
+  const answer = await ask('export-dialog', 'Export the map', [note, field], [['export', 'Export', true]])
+  return answer === 'export' && files.exportMap(name, Number(edge.value))
 }
 
 /** Asks whether unsaved edits may be lost. */
@@ -86,18 +87,9 @@ async function showLink(text: string): Promise<boolean> {
     {},
     'Whoever opens the link with a running simulator gets the map. Replace the address before # by theirs.',
   )
-  const copied = h('output', { testid: 'link-copied' })
   let isCopied = false
-  const copy = async (): Promise<void> => {
-    isCopied = await copyText(shown)
-    setText(copied, isCopied ? 'Copied.' : 'Press Ctrl-C to copy the selected text.')
-  }
-  const button = h(
-    'button',
-    { type: 'button', class: 'primary', testid: 'link-copy', onclick: () => void copy() },
-    'Copy',
-  )
-  await ask('link-dialog', 'Link with the map', [note, shown, h('p', {}, button, ' ', copied)], [])
+  const button = copyButton('link-copy', shown, { isPrimary: true, done: (now) => (isCopied = now) })
+  await ask('link-dialog', 'Link with the map', [note, shown, h('p', {}, button)], [])
   return isCopied
 }
 
@@ -117,23 +109,26 @@ export async function saveMap(
   const problems = builder.problemCount
   const left = problems === 1 ? '1 problem is left.' : `${problems} problems are left.`
   const note = problems > 0 && h('p', {}, `${left} The file says that the map is a draft; it can be run.`)
-  const choices: Choice[] = [
-    ['link', 'Link'],
-    ['export', 'Export for ROS'],
-    ['scenario', 'Save as scenario'],
-    ...inFolder(files),
-    ['map', 'Save the map', true],
-  ]
-  const choice = await ask('save-map', 'Save the map', [...fields, note], choices)
-  if (choice === 'scenario') return saveWithVehicles()
-  if (choice === 'link') {
+  const kind = choice('save-kind', () => {})
+  setOptions(kind, {
+    map: 'The map, as a file',
+    ...(files.folder && { folder: `The map, in the folder ${files.folder}` }),
+    scenario: 'The scenario with its map and vehicles',
+    export: 'A picture for ROS (map_server)',
+    link: 'A link that contains the map',
+  })
+  const content = [h('label', { class: 'named' }, h('span', {}, 'What to save'), kind), ...fields, note]
+  const answer = await ask('save-map', 'Save the map', content, [['save', 'Save', true]])
+  if (answer === '') return false
+  if (kind.value === 'scenario') return saveWithVehicles()
+  if (kind.value === 'link') {
     const text = await builder.text(title.value.trim())
     return text !== null && showLink(text)
   }
   const named_ = [title.value.trim(), name.value.trim()] as const
-  if (choice === 'folder') return saveInFolder(files, 'map', ...named_)
-  if (choice === 'export') return exportMap(store, files, named_[1])
-  return choice === 'map' && builder.save(...named_)
+  if (kind.value === 'folder') return saveInFolder(files, 'map', ...named_)
+  if (kind.value === 'export') return exportMap(store, files, named_[1])
+  return builder.save(...named_)
 }
 
 /** Fields for the title and the name of a file. */

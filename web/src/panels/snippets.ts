@@ -31,7 +31,9 @@ const THROTTLE = '/autodrive/nigel_1/throttle_command'
 export const SNIPPETS: readonly Snippet[] = [
   {
     title: 'Python',
-    note: 'Install once: pip install ./clients/python, in a copy of the repository. Ctrl-C ends the program.',
+    note:
+      'Save it as drive.py. On the machine of the simulator, in its folder: .venv/bin/python drive.py. Elsewhere, install ' +
+      'the client once, in a copy of the repository: pip install ./clients/python. Ctrl-C ends the program.',
     code: ({ link }, vehicle) => `import autodrive
 
 with autodrive.Client(${JSON.stringify(link)}) as sim:

@@ -25,6 +25,7 @@ export function tools(store: Store, actions: Actions): HTMLElement {
       fullScreen,
       h('button', { ...screenshot, onclick: () => void actions.downloadView() }, 'Screenshot'),
       toggle('measure-button', 'Measure', 'Distance between two points on the ground (key {KeyX})', store.isMeasuring),
+      toggle('menu-edit', 'Edit', 'Edit the scenario (key {KeyJ})', store.isEditing), // a narrow bar has no place for it
       toggle('log-button', 'Log', 'All notices with their times (key {KeyO})', store.isLogOpen),
     ),
     labelled('Small map', toggleSwitch('minimap-switch', 'Key {KeyQ}', store.isMapOpen)),

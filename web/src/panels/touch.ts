@@ -7,7 +7,7 @@ import { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
 import type { DriveInput } from '../worker/port'
 import { h, icon, setText } from './element'
-import { fixed } from './hud_rows'
+import { speedText } from './hud_rows'
 import { CAMERA, HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR, VEHICLE } from './icons'
 
 /** `record` is the button that records; the toolbar of a small screen has no place for it. */
@@ -62,7 +62,7 @@ function speed(store: Store): HTMLElement {
   const text = h('span', { class: 'touch-speed', testid: 'touch-speed' })
   store.frame.watch((frame) => {
     const vehicle = frame?.vehicles[store.vehicle.value]
-    setText(text, vehicle ? `${fixed(Math.abs(vehicle.velocity[0]))} m/s` : '')
+    setText(text, vehicle ? speedText(vehicle) : '')
   })
   return text
 }

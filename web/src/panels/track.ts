@@ -7,6 +7,7 @@ import type { Store } from '../store'
 import { numberField } from './edit'
 import { h, setText } from './element'
 import { choice, errorCount, labelled, section, setOptions } from './fields'
+import { busy } from './pending'
 
 /** Length, width and barrier of the track, and the selected point. */
 export function shape(store: Store, builder: TrackBuilder): HTMLElement {
@@ -87,7 +88,7 @@ export function randomTrack(store: Store, builder: TrackBuilder, mayReplace: () 
     if (!isRandom && !(await mayReplace())) return
     if (await builder.generate(Number(seed.value), Number(length.value), width)) builder.showAll()
   }
-  const button = h('button', { testid: 'track-random', onclick: () => void random() }, 'Random track')
+  const button = h('button', { testid: 'track-random', onclick: () => void busy(button, random) }, 'Random track')
   return section(
     'Random track',
     labelled('Seed', seed),

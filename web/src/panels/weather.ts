@@ -7,18 +7,12 @@ import { inWeather, lookAt, skyColour, sunTimes } from '../scene/daylight'
 import type { Store } from '../store'
 import { DAY, dial } from './dial'
 import { h, icon, setText } from './element'
-import { labelled, section, segments } from './fields'
-import * as icons from './icons'
+import { labelled, row, section, segments, state } from './fields'
+import { AMOUNTS, weatherIcon, weatherName, weatherTitle } from './weather_names'
 
-const AMOUNTS = ['clouds', 'fog', 'rain', 'snow', 'wind'] as const
 const GROUND = ['wetness', 'snow_cover'] as const
 /** Of the presets 'light_rain', 'heavy_rain' and their like, the one whose amounts the intensity multiplies. */
 const KINDS = ['sunny', 'cloudy', 'heavy_fog', 'heavy_rain', 'heavy_snow'] as const
-const ICONS: Record<string, string> = {
-  ...{ sunny: icons.SUN, cloudy: icons.CLOUD, light_fog: icons.LIGHT_FOG, heavy_fog: icons.HEAVY_FOG },
-  ...{ light_rain: icons.LIGHT_RAIN, heavy_rain: icons.HEAVY_RAIN },
-  ...{ light_snow: icons.LIGHT_SNOW, heavy_snow: icons.HEAVY_SNOW },
-}
 /** How fast the time of day passes: seconds of the day per simulated second. */
 const SPEEDS = [
   ['0', 'Stop'],
@@ -46,9 +40,8 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   )
   for (const button of presets.element.querySelectorAll('button')) {
     button.dataset.testid = `weather-${button.value}`
-    button.title = title(button.value)
-    button.setAttribute('aria-label', button.title)
-    button.append(icon(ICONS[button.value]))
+    button.title = weatherTitle(button.value)
+    button.append(icon(weatherIcon(button.value)), h('span', {}, button.title))
   }
   presets.element.classList.add('presets')
   const intensity = slider('weather-intensity', 1, 0.05, (value) => set(scaled(kindOf(current), value), true))
@@ -82,14 +75,15 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     const shown = frame?.weather ?? WEATHERS.sunny
     // the ground follows, unless it is held
     current = { ...shown, wetness: null, snow_cover: null }
-    const preset = Object.entries(WEATHERS).find(([, one]) => AMOUNTS.every((name) => near(one[name], shown[name])))
-    presets.show(preset?.[0] ?? '')
+    presets.show(weatherName(shown))
     showValue(intensity, share(shown), `${Math.round(100 * share(shown))} %`)
     intensity.disabled = kindOf(shown) === 'sunny'
     for (const { name, input } of amounts) showValue(input, shown[name], `${Math.round(100 * shown[name])} %`)
     setText(numbers, inNumbers(frame?.weather_effects ?? null, shown))
-    const isFixed = frame?.time_of_day == null
-    clock.show(isFixed ? (frame?.scene_light === false ? 0 : DAY / 2) : (frame.time_of_day ?? 0) / 60, !isFixed)
+    const time = frame?.time_of_day ?? null
+    const isNight = frame?.scene_light === false
+    if (time === null) clock.show(isNight ? 0 : DAY / 2, isNight ? 'Night' : 'Day')
+    else clock.show(time / 60)
     showSpeed(frame)
     describe(frame)
     paint()
@@ -134,18 +128,30 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     clock.mark(...sunTimes(table))
   }
 
+  const light = state('scene-light-status')
+  const lightButton = h('button', { testid: 'scene-light', onclick: () => actions.toggleSceneLight() }, 'Scene Light')
+  store.frame.watch((frame) => {
+    setText(light, frame ? (frame.scene_light ? 'On' : 'Off') : '–')
+    lightButton.setAttribute('aria-pressed', String(frame?.scene_light ?? false))
+  })
   store.frame.watch(show)
   const more = h(
     'details',
     { testid: 'weather-more' },
     h('summary', {}, 'More'),
-    ...amounts.map(({ name, input }) => labelled(title(name), input)),
+    ...amounts.map(({ name, input }) => labelled(weatherTitle(name), input)),
   )
   const element = section(
     'Weather',
     presets.element,
     labelled('Intensity', intensity),
-    h('div', { class: 'day' }, clock.element, speeds.element),
+    h(
+      'div',
+      { class: 'day' },
+      clock.element,
+      h('div', { class: 'named' }, h('span', {}, 'Time passes'), speeds.element),
+    ),
+    row(lightButton, light),
     numbers,
     lines,
     more,
@@ -202,25 +208,16 @@ function speedOf(frame: Frame, before: Frame): string {
   return SPEEDS.find(([value]) => Math.abs(rate - Number(value)) <= Math.max(1, 0.1 * Number(value)))?.[0] ?? ''
 }
 
-function near(a: number, b: number): boolean {
-  return Math.abs(a - b) < 1e-6
-}
-
-/** For example 'Grip 0.71, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
+/** For example 'Grip of the tyres 0.71 of that on dry ground, LIDAR 8 m at 10 % and 12 m at 80 % reflectivity, sight 18 m'. */
 export function inNumbers(effects: WeatherEffects | null, weather: Weather): string {
-  if (!effects) return 'Clear: full grip, full range, full sight'
-  const parts = [`Grip ${effects.grip.toFixed(2)}`]
+  if (!effects) return 'Clear: the tyres have full grip, the LIDAR has its full range, the sight is full'
+  const parts = [`Grip of the tyres ${effects.grip.toFixed(2)} of that on dry ground`]
   const ranges = [effects.lidar_dark, effects.lidar_bright].map((range) => range?.toFixed(1))
   if (effects.lidar_dark !== null) parts.push(`LIDAR ${ranges[0]} m at 10 % and ${ranges[1]} m at 80 % reflectivity`)
   parts.push(effects.sight < 1000 ? `sight ${effects.sight.toFixed(0)} m` : 'sight more than 1000 m')
   for (const name of GROUND) {
     const value = weather[name] ?? 0
-    if (value > 0) parts.push(`${title(name).toLowerCase()} ${Math.round(100 * value)} %`)
+    if (value > 0) parts.push(`${weatherTitle(name).toLowerCase()} ${Math.round(100 * value)} %`)
   }
   return parts.join(', ')
-}
-
-function title(name: string): string {
-  const text = name.replace('_', ' ')
-  return text.charAt(0).toUpperCase() + text.slice(1)
 }

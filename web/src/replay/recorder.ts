@@ -7,6 +7,7 @@ import { h, icon, setText } from '../panels/element'
 import { choice, labelled, section } from '../panels/fields'
 import { clock } from '../panels/hud_rows'
 import { RECORD } from '../panels/icons'
+import { busy, disableWhenRefused } from '../panels/pending'
 import { loadPreference, savePreference } from '../panels/preferences'
 import type { Store } from '../store'
 
@@ -42,7 +43,7 @@ export function recorder(store: Store, actions: Actions): Recorder {
     icon(RECORD),
   )
   const start = h('button', { testid: 'record', onclick: () => void toggle() })
-  const save = h('button', { testid: 'save-recording', onclick: () => void saveKept() }, 'Save')
+  const save = h('button', { testid: 'save-recording', onclick: () => void busy(save, saveKept) }, 'Save')
   const keep = choice('recording-keep', (value) => savePreference('recording-keep', value))
   keep.append(...Object.entries(KEPT).map(([value, label]) => h('option', { value }, label)))
   const known = loadPreference('recording-keep')
@@ -53,14 +54,20 @@ export function recorder(store: Store, actions: Actions): Recorder {
   const status = () => store.status.value?.recording
   const isOn = () => (status()?.state ?? 'off') !== 'off'
 
-  async function toggle(): Promise<void> {
+  const buttons = [button, touchButton, start]
+  for (const each of buttons) disableWhenRefused(store, each, 'StartRecording')
+  const toggle = () => busy(buttons, startOrStop)
+
+  async function startOrStop(): Promise<void> {
     if (!isOn()) {
       const seconds = Number(keep.value)
-      await actions.request({ type: 'StartRecording', keep: Number.isNaN(seconds) ? null : seconds })
+      const request = { type: 'StartRecording', keep: Number.isNaN(seconds) ? null : seconds } as const
+      if (await actions.request(request)) await nextStatus(store)
       return
     }
     const file = await actions.textOf({ type: 'StopRecording' })
     if (file) store.notice.value = `Recorded ${file}.`
+    if (file !== null) await nextStatus(store)
   }
 
   async function saveKept(): Promise<void> {
@@ -71,10 +78,10 @@ export function recorder(store: Store, actions: Actions): Recorder {
   store.status.watch((now) => {
     const recording = now?.recording
     const isRecording = isOn()
-    for (const one of [button, touchButton, start]) one.setAttribute('aria-pressed', String(isRecording))
+    for (const one of buttons) one.setAttribute('aria-pressed', String(isRecording))
     const label = isRecording ? 'Stop the recording' : 'Record the simulation'
     for (const one of [button, touchButton]) {
-      one.title = label
+      if (!one.disabled) one.title = label
       one.setAttribute('aria-label', label)
       one.classList.toggle('is-keeping', recording?.state === 'keeping')
     }
@@ -90,6 +97,18 @@ export function recorder(store: Store, actions: Actions): Recorder {
     touchButton,
     section: section('Recording', h('div', { class: 'tools' }, start, save), labelled('Keep', keep), state, error),
   }
+}
+
+/** Waits for the Status that shows what a request has done: until then, the button would ask for the same again. */
+function nextStatus(store: Store): Promise<void> {
+  const before = store.status.value
+  return new Promise((resolve) => {
+    const stop = store.status.watch((status) => {
+      if (status === before) return
+      queueMicrotask(() => stop())
+      resolve()
+    })
+  })
 }
 
 function text({ state, file, duration, size, dropped }: RecordingStatus): string {

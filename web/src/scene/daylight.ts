@@ -13,15 +13,26 @@ export interface Daylight {
   glow: number
   sun_place: number[]
   dawn: number[]
+  /** From 0 by day to 1 by night. */
+  dusk: number
 }
 
 /** Extinction [1/m] below which air is drawn as clear; as in `look.py`. */
 const LEAST_EXTINCTION = 0.005
 
-/** What surfaces and sky show of the weather, as flags of the shaders. */
-export function effectsOf(weather: Weather | null, sight: number): string[] {
-  if (!weather) return []
-  const found = { AIR: extinction(sight) > LEAST_EXTINCTION, WET: weather.wetness, SNOW: weather.snow_cover }
+/** `Daylight.dusk` from which on lamps and the first windows are lit, and by clouds; as in `look.py`. */
+export const LAMPS_LIT = 0.5
+const WINDOWS_LIT = 0.45
+const CLOUD_DUSK = 0.65
+
+/** What surfaces and sky show of weather and dusk, as flags of the shaders. */
+export function effectsOf(weather: Weather | null, sight: number, dusk: number): string[] {
+  const found = {
+    AIR: weather && extinction(sight) > LEAST_EXTINCTION,
+    WET: weather?.wetness,
+    SNOW: weather?.snow_cover,
+    WINDOWS: dusk > WINDOWS_LIT,
+  }
   return Object.entries(found)
     .filter(([, isSet]) => isSet)
     .map(([name]) => name)
@@ -53,6 +64,7 @@ export function inWeather(look: Daylight, weather: Weather | null): Daylight {
     horizon: grey(look.horizon, 0.9),
     floor_glow: grey(look.floor_glow, 0.8),
     dawn: grey(look.dawn, 0.3),
+    dusk: Math.min(look.dusk + CLOUD_DUSK * clouds, 1),
     exposure: look.exposure * (1 - snow * (0.15 + 0.4 * Math.max(0, 1 - 2 * look.zenith[1]))),
   }
 }
@@ -74,8 +86,8 @@ export function daylight(table: Record<string, unknown>, isDay: boolean, timeOfD
   const nights = [low, high].filter((one) => isSame(one, night)).length
   if (!isDay) return nights === 2 ? between : night // in the dusk only the sky differs from the night
   // at sunrise and sunset one of them is the night
-  const { dawn, sun_place } = between
-  return nights === 1 ? { ...(isSame(low, night) ? high : low), dawn, sun_place } : between
+  const { dawn, dusk, sun_place } = between
+  return nights === 1 ? { ...(isSame(low, night) ? high : low), dawn, dusk, sun_place } : between
 }
 
 /** The light at a time of day [s since midnight]. */
@@ -127,5 +139,6 @@ function mixed(a: Daylight, b: Daylight, share: number): Daylight {
     floor_glow: vector(a.floor_glow, b.floor_glow),
     exposure: number(a.exposure, b.exposure),
     glow: number(a.glow, b.glow),
+    dusk: number(a.dusk, b.dusk),
   }
 }

@@ -22,6 +22,7 @@ export interface Surface {
   color: Vector
   /** Whether the page may paint it in the colour of the vehicle. */
   isPaint: boolean
+  /** Of a facade: of its lit windows. */
   emission: Vector
   roughness: number
   metallic: number
@@ -90,7 +91,7 @@ interface Mesh {
 }
 
 interface Material {
-  extras?: { paint?: boolean; beneath?: number }
+  extras?: { paint?: boolean; beneath?: number; windows?: Vector }
   pbrMetallicRoughness: {
     baseColorFactor: [...Vector, number]
     baseColorTexture?: { index: number }
@@ -194,7 +195,7 @@ function meshSurfaces(mesh: Mesh, tree: Tree, data: ArrayBuffer, binary: number)
       indices: values(primitive.indices) as Uint16Array | Uint32Array,
       color: [red, green, blue],
       isPaint: material.extras?.paint ?? false,
-      emission: [er * strength, eg * strength, eb * strength],
+      emission: material.extras?.windows ?? [er * strength, eg * strength, eb * strength],
       roughness: finish.roughnessFactor,
       metallic: finish.metallicFactor,
       image: texture ? (tree.textures?.[texture.index].source ?? -1) : -1,

@@ -78,7 +78,8 @@ export class LampGlare {
     this.material.uniforms.height.value = pixels
   }
 
-  update(vehicles: readonly VehicleModel[], lenses: readonly Lens[], isDay: boolean): void {
+  update(vehicles: readonly VehicleModel[], lenses: readonly Lens[], dusk: number): void {
+    const share = DAY_BRIGHTNESS + dusk * (1 - DAY_BRIGHTNESS)
     const position = this.geometry.getAttribute('position') as BufferAttribute
     const aim = this.geometry.getAttribute('aim') as BufferAttribute
     const color = this.geometry.getAttribute('color') as BufferAttribute
@@ -91,7 +92,7 @@ export class LampGlare {
         point.copy(lamp.aim).transformDirection(root)
         aim.setXYZW(slot, point.x, point.y, point.z, lamp.cosOuter)
         point.copy(lamp.color).divideScalar(Math.max(lamp.color.x, lamp.color.y, lamp.color.z))
-        point.multiplyScalar(levels[i] * (isDay ? DAY_BRIGHTNESS : 1))
+        point.multiplyScalar(levels[i] * share)
         color.setXYZW(slot++, point.x, point.y, point.z, lamp.isHeadlight ? HEADLIGHT_SIZE : LAMP_SIZE)
       })
     }
@@ -100,7 +101,7 @@ export class LampGlare {
       position.setXYZ(slot, ...lens.position.toArray())
       aim.setXYZW(slot, ...lens.aim.toArray(), 0)
       point.copy(lens.color).divideScalar(Math.max(...lens.color.toArray()))
-      point.multiplyScalar(isDay ? DAY_BRIGHTNESS : LENS_BRIGHTNESS)
+      point.multiplyScalar(Math.max(DAY_BRIGHTNESS, LENS_BRIGHTNESS * share))
       color.setXYZW(slot++, ...point.toArray(), LENS_SIZE)
     }
     this.geometry.setDrawRange(0, slot)

@@ -23,6 +23,7 @@ uniform vec3 sun_direction, sun_color, zenith, horizon;
 uniform vec4 floor_glow;  // snow cover of the ground
 uniform vec4 exposure;    // of reflected light, of emitted light, extinction of the air, wetness of the ground
 uniform vec4 sun_place, dawn;
+uniform float dusk;
 `
 
 const TONE = /* glsl */ `
@@ -179,8 +180,8 @@ vec3 reflected(Finish f, bool is_glossy, vec3 n, vec3 v, vec3 l) {
 }
 
 // Light that arrives at the camera, with what the surface emits and what its water mirrors.
-vec3 in_air(vec3 light) {
-  vec3 emission = own_emission, n = normalize(facing), v = normalize(cameraPosition - place);
+vec3 in_air(vec3 light, vec3 emission) {
+  vec3 n = normalize(facing), v = normalize(cameraPosition - place);
 #ifdef SKINNED
   if (is_day == 0) light += outlined(own_color, n, v);
 #elif defined(WET)
@@ -208,6 +209,13 @@ void main() {
 #endif
   color *= texel;
 #endif
+#if defined(SKINNED) || !defined(TEXTURED)
+  vec3 emission = own_emission;
+#elif defined(WINDOWS)
+  vec3 emission = is_flat ? vec3(0.0) : window_light(own_emission, texel, dusk, floor(own_uv.x), own_color + facing);
+#else
+  const vec3 emission = vec3(0.0);
+#endif
   float open = openness() * own_uv.z;
 #ifdef STRIPS
   vec2 strip = is_flat && place.z < 0.001 ? texelFetch(strip_map, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
@@ -223,7 +231,7 @@ void main() {
   vec3 plain = color * (1.0 - 0.5 * metallic);
   vec3 light = plain * (open * from_sky + lit * from_sun);
   if (lamp_count == 0) {
-    pixel = vec4(shown(in_air(light)), 1.0);
+    pixel = vec4(shown(in_air(light, emission)), 1.0);
     return;
   }
 #endif
@@ -258,7 +266,7 @@ void main() {
     vec3 arriving = lamp_light(i, l);
     light += reflected(f, is_glossy, n, v, l) * arriving;
   }
-  pixel = vec4(dithered(shown(in_air(light))), 1.0);
+  pixel = vec4(dithered(shown(in_air(light, emission))), 1.0);
 }
 `
 

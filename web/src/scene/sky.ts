@@ -41,11 +41,11 @@ export class Sky {
   }
 }
 
-const WEATHER_FLAGS = ['AIR', 'WET', 'SNOW']
+const FLAGS = ['AIR', 'WET', 'SNOW', 'WINDOWS']
 
-/** Compiles a material with these flags of the weather, if they have changed. */
+/** Compiles a material with these flags of weather and dusk, if they have changed. */
 export function setFlags(material: ShaderMaterial, flags: string[]): void {
-  for (const flag of WEATHER_FLAGS) {
+  for (const flag of FLAGS) {
     if (flags.includes(flag) === flag in material.defines) continue
     if (flags.includes(flag)) material.defines[flag] = 1
     else delete material.defines[flag]

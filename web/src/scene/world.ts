@@ -23,7 +23,7 @@ import {
 
 import type { Scene } from '../messages'
 import { hasSeveralVehicles, vehicleColour } from '../vehicle_colours'
-import { daylight, effectsOf, extinction, inWeather } from './daylight'
+import { daylight, effectsOf, extinction, inWeather, LAMPS_LIT } from './daylight'
 import { type MeshPart, meshParts, shadowGeometry } from './geometry'
 import type { Asset, Vector } from './glb'
 import { GroundStrips } from './ground_strips'
@@ -58,6 +58,7 @@ export class World {
     exposure: { value: new Vector4() },
     sun_place: { value: new Vector4() },
     dawn: { value: new Vector4() },
+    dusk: { value: 0 },
     is_day: { value: 1 },
     caster_count: { value: 0 },
     beam_count: { value: 0 },
@@ -133,10 +134,10 @@ export class World {
       this.vehicles.get(name)?.update(motion, dt, cameraPosition.distanceTo(motion.position) < this.profile.fullDetail)
     }
     for (const group of this.groups) this.place(group, state)
-    this.setLamps(state.isDay, followed)
+    this.setLamps(followed)
     this.precipitation.update(state, this.effects.includes('AIR'))
     for (const lens of this.lenses) lens.show(state.trafficLights)
-    this.glare.update([...this.vehicles.values()], this.lenses, state.isDay)
+    this.glare.update([...this.vehicles.values()], this.lenses, this.light.dusk.value)
   }
 
   /** Draws the shadow maps for the current state. */
@@ -154,7 +155,8 @@ export class World {
     if (this.light.is_day.value === 1) {
       this.shadows.drawStatic(renderer, camera)
       this.shadows.drawCasters(renderer, casters)
-    } else {
+    }
+    if (this.activeLamps.beams > 0) {
       const own = this.vehicles.get(followed)
       const others = casters.filter((model) => model !== own).map((model) => model.caster)
       this.shadows.drawBeams(renderer, this.activeLamps, others)
@@ -301,7 +303,7 @@ export class World {
 
   private setLight({ isDay, timeOfDay, weather, sight }: WorldState): void {
     const look = inWeather(daylight(this.description.light_table, isDay, timeOfDay), weather)
-    const effects = effectsOf(weather, sight)
+    const effects = effectsOf(weather, sight, look.dusk)
     if (String(effects) !== this.effects) {
       this.effects = String(effects)
       for (const material of this.surfaces) setFlags(material, effects)
@@ -320,13 +322,14 @@ export class World {
     for (const name of ['sun_place', 'dawn'] as const) this.light[name].value.set(...(look[name] as Vector), 0)
     this.light.exposure.value.set(look.exposure, look.glow, extinction(sight), weather?.wetness ?? 0)
     this.light.is_day.value = isDay ? 1 : 0
+    this.light.dusk.value = look.dusk
   }
 
   /** Collects the lamps that are on; by day their light is not visible. */
-  private setLamps(isDay: boolean, followed: string): void {
+  private setLamps(followed: string): void {
     const { activeLamps } = this
     activeLamps.clear()
-    if (!isDay) {
+    if (this.light.dusk.value >= LAMPS_LIT) {
       const own = this.vehicles.get(followed)
       const others = [...this.vehicles.values()].filter((model) => model !== own)
       own?.light(activeLamps, true)

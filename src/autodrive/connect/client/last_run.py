@@ -5,19 +5,16 @@ Each run has a file with a note in the user's cache, or in the folder for tempor
 
 from __future__ import annotations
 
-import getpass
 import os
 import socket
-import stat
 import sys
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
 
-from autodrive.base.cache import user_cache
+from autodrive.base.cache import home_cache, is_own, temporary_cache
 from autodrive.protocol.native import RunOrigin
 
 MAX_NOTE = 2**16
@@ -69,7 +66,7 @@ class NotedRun:
         for folder in _folders():
             with suppress(OSError):
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-                if _is_own(folder):
+                if is_own(folder):
                     _remove_old_notes(folder)
                     file = folder / f"{self._note.origin.id}.json"
                     part = file.with_suffix(".part")
@@ -81,22 +78,10 @@ class NotedRun:
 
 def last_run() -> RunNote | None:
     """The last run of this user in the current folder and on this machine that has not ended; None: there is none."""
-    notes = [note for folder in _folders() if _is_own(folder) for note in _notes(folder).values() if note]
+    notes = [note for folder in _folders() if is_own(folder) for note in _notes(folder).values() if note]
     here, machine = _here(), socket.gethostname()
     runs = [note for note in notes if note.folder == here and note.machine == machine and note.is_running]
     return max(runs, key=lambda note: note.origin.started, default=None)
-
-
-def user_name() -> str:
-    """Login name of the user of this process, or the number if it has no name, as in some containers."""
-    if sys.platform == "win32":
-        return getpass.getuser()
-    import pwd  # noqa: PLC0415  not on Windows
-
-    try:
-        return pwd.getpwuid(os.getuid()).pw_name
-    except KeyError:
-        return str(os.getuid())
 
 
 def _here() -> str:
@@ -108,19 +93,8 @@ def _here() -> str:
 
 
 def _folders() -> list[Path]:
-    """Folders of the notes, best first."""
-    return [user_cache() / "runs", Path(tempfile.gettempdir()) / f"autodrive-{user_name()}"]
-
-
-def _is_own(folder: Path) -> bool:
-    """Whether only this user can write into a folder: anybody can make one among the temporary files."""
-    try:
-        status = folder.lstat()
-    except OSError:
-        return False
-    if sys.platform == "win32":
-        return stat.S_ISDIR(status.st_mode)
-    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
+    """Folders of the notes, best first: C++ clients look there, too."""
+    return [home_cache() / "runs", *([folder] if (folder := temporary_cache()) else [])]
 
 
 def _notes(folder: Path) -> dict[Path, RunNote | None]:

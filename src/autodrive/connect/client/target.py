@@ -6,9 +6,10 @@ import os
 import time
 from dataclasses import dataclass
 
+from autodrive.base.cache import user_name
 from autodrive.base.errors import AutodriveError
 from autodrive.connect.client.client_socket import Address, NotListeningError
-from autodrive.connect.client.last_run import RunNote, last_run, user_name
+from autodrive.connect.client.last_run import RunNote, last_run
 from autodrive.protocol.native import RunOrigin
 from autodrive.protocol.ports import PORT, PORT_VARIABLE
 

@@ -21,6 +21,7 @@ from autodrive.connect.server.driver_lease import DriverLeases
 from autodrive.connect.server.driving import Driving
 from autodrive.connect.server.files import ServedFile
 from autodrive.connect.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
+from autodrive.connect.server.operations import OFFERED
 from autodrive.connect.server.rate_limit import BYTES, RATE, RateLimit
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import Served
@@ -284,6 +285,7 @@ class Hub:
                 change=self._requests.change,
                 changes=self._requests.changes,
                 clock=now,
+                refused={type(each).__name__: reason for each in OFFERED if (reason := served.refusal(each))},
             )
         )
         for client in self.clients:

@@ -46,6 +46,13 @@ KINDS: dict[type, RequestKind] = {
 }
 """Kinds of operations; others of the server are `OF_SERVER`, others of the simulation are short requests."""
 
+OFFERED: tuple[native.ServerOperation, ...] = (
+    *(messages.Reset(), messages.Pause(), messages.Step(), messages.SetSpeed(1.0), messages.LoadScenario("")),
+    *(messages.SetDrivingMode("", False), messages.SetWeather(), messages.SetTrafficLight("", None)),
+    *(messages.Place("", 0.0, 0.0), messages.UseMap(), native.ConnectBridge(), replay.StartRecording()),
+)
+"""Operations for which a page has a button, as examples: those that are refused are in the Status."""
+
 
 class ServerOperations:
     """What the server executes beside the simulation, in its event loop. All of it raises `AutodriveError`."""

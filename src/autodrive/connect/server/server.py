@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import uvicorn
 from msgspec.structs import replace
 
+from autodrive.base.cache import user_name
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.base.tcp import address_text, is_every_interface, listener, without_brackets
-from autodrive.connect.client.last_run import user_name
 from autodrive.connect.client.target import port_of_environment
 from autodrive.connect.server.access import AccessPolicy, checked_token, is_loopback
 from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol

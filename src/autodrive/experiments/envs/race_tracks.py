@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
-from autodrive.base.cache import cache_folder, check_writable, make_folder, write_file
+from autodrive.base.cache import cache_folder, make_folder, write_file
 from autodrive.base.elementary import atan2
-from autodrive.base.errors import AutodriveError, SpecError
+from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.path import table
 from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import Pose, Track
@@ -72,8 +70,6 @@ class Tracks:
 class RaceTracks(Tracks):
     """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
 
-    Where the cache cannot be written, the map is in a temporary folder until this process ends.
-
     `width`: between the barriers, `length`, and `radius`: least of the centre line in curves [m]; of each the least and
     the greatest: each track has its own. `radius` None: see `generate_track`. `area`: of the ground of each track [m].
     Raises `SpecError` if no track fits.
@@ -90,8 +86,6 @@ class RaceTracks(Tracks):
     ) -> None:
         ranges = (width, length) if radius is None else (width, length, radius)
         folder = cache_folder("race_tracks", "scenario/tracks", also=f"{count} {seed} {ranges} {area} {APART} {ROWS}")
-        if not _is_complete(folder, count):
-            folder = _writable(folder)
         if not _is_complete(folder, count):
             write_tracks(count, seed, ranges, area, folder)
         file, *files = _files(folder, count)
@@ -121,8 +115,8 @@ class OwnTracks(Tracks):
 
 
 def cached_file(kind: str, name: str, text: str) -> Path:
-    """The file of that name with this text in the cache, or, where that cannot be written, in a temporary folder."""
-    folder = _writable(cache_folder(kind, "scenario/tracks", also=text))
+    """The file of that name with this text in the cache."""
+    folder = cache_folder(kind, "scenario/tracks", also=text)
     make_folder(folder)
     write_file(folder / name, text)
     return folder / name
@@ -147,22 +141,6 @@ def _files(folder: Path, count: int) -> list[Path]:
 
 def _is_complete(folder: Path, count: int) -> bool:
     return all(file.is_file() for file in _files(folder, count))
-
-
-def _writable(folder: Path) -> Path:
-    """The folder, or a temporary one of the same name if it cannot be written."""
-    try:
-        make_folder(folder)
-        check_writable(folder / "tracks.yaml")
-    except AutodriveError:
-        return Path(_temporary().name, folder.name)
-    return folder
-
-
-@cache
-def _temporary() -> TemporaryDirectory[str]:
-    """Is deleted when this process ends."""
-    return TemporaryDirectory(prefix="autodrive-")
 
 
 def write_tracks(

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Ground
     from autodrive.graphics.cameras.backend import CameraBackend
     from autodrive.graphics.render.renderer import Renderer
+    from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.compile import CompiledScenario
     from autodrive.world.readings import Readings
@@ -213,7 +214,24 @@ class RenderedWorld:
         from autodrive.world.views.scene_files import SceneFiles  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
-        served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))
+        scene_files = partial(SceneFiles.of, scenario=self._settings.task or "")
+        served = Served(self._simulation, scene_files, refusal=_refusal)
         server = SimulationServer(served, PageOptions(port=self._port), page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)
+
+
+def _refusal(message: ServerOperation | Drive) -> str:
+    """Why viewers may not have that operation or Drive; empty if they may."""
+    from autodrive.protocol import messages, native  # noqa: PLC0415
+
+    if isinstance(message, native.Drive):
+        return "the program of the environment drives its vehicles"
+    allowed = (
+        *(messages.Pause, messages.Resume, messages.SetSpeed, messages.SetSceneLight, messages.SetTimeOfDay),
+        *(messages.Draw, messages.SaveScenario, messages.SaveMap, native.DescribeVehicle, native.DescribeWeather),
+        *(native.SetCamera, native.ViewSensor),
+    )
+    if isinstance(message, allowed):
+        return ""
+    return f"this is an environment, whose program sets the scene of each episode: {type(message).__name__} is refused"

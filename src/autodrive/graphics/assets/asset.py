@@ -31,6 +31,8 @@ class Material:
     """Emitted linear RGB; of a lamp: at full level."""
     texture: str = ""
     """Key in `Asset.textures`; none if empty."""
+    window_light: Vector = (0.0, 0.0, 0.0)
+    """Emitted linear RGB of a lit window, of a facade."""
     is_paint: bool = False
     """Whether the page may show it in the colour of the vehicle, if there are several vehicles."""
     beneath: Material | None = None

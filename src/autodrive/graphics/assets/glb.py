@@ -191,6 +191,8 @@ class _GlbWriter:
         written: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": surface}
         if material.is_paint:
             written["extras"] = {"paint": True}
+        if any(material.window_light):
+            written["extras"] = {"windows": [*map(float, material.window_light)]}
         if material.beneath is not None:
             written["extras"] = {"beneath": self._materials[material.beneath]}
         brightest = max(material.emission)

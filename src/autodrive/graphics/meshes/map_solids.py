@@ -45,9 +45,10 @@ if TYPE_CHECKING:
 
 WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="panels")
 COPING = Material("coping", (0.36, 0.37, 0.38), roughness=0.8)
-BLOCK = Material("block", (1.0, 1.0, 1.0), roughness=0.9)
+BLOCK = Material("block", (1.0, 1.0, 1.0), roughness=0.9, window_light=(2.1, 1.15, 0.45))
 BLOCK_COLORS = ((0.95, 0.86, 0.70), (0.92, 0.74, 0.60), (0.83, 0.86, 0.84), (0.90, 0.88, 0.83), (0.72, 0.78, 0.86))
-ROOF = Material("roof", (0.34, 0.33, 0.32), roughness=0.9, texture="roof")
+ROOF = Material("roof", (1.0, 1.0, 1.0), roughness=0.9, texture="roof")
+ROOF_COLORS = ((0.60, 0.56, 0.51), (0.66, 0.38, 0.29), (0.50, 0.53, 0.56), (0.64, 0.59, 0.50), (0.55, 0.46, 0.42))
 PANEL, BAY, STOREY = 0.5, 0.15, 0.12
 """Widths of a panel of a wall and of a window with the wall beside it, and height of a storey, about [m]."""
 FOOT = 0.65
@@ -118,10 +119,13 @@ def _walls(shape: StaticShape) -> tuple[MeshSurface, ...]:
 def _block(shape: StaticShape) -> tuple[MeshSurface, ...]:
     """A building: whole windows on each side, and a flat roof with a parapet."""
     storeys = min(max(round(2.0 * shape.size[2] / STOREY), 1), STOREYS)
-    color = BLOCK_COLORS[zlib.crc32(shape.name.encode()) % len(BLOCK_COLORS)]
+    number = zlib.crc32(shape.name.encode())
+    color, roof_color = BLOCK_COLORS[number % len(BLOCK_COLORS)], ROOF_COLORS[number % len(ROOF_COLORS)]
     facade = replace(BLOCK, color=color, texture=f"facade_{storeys}")
     roof = quad(box_faces(shape.size)["top"], np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]))
-    return _sides(shape, BAYS * BAY, BAYS).surface(facade, Label.BLOCK), roof.surface(ROOF, Label.BLOCK)
+    return _sides(shape, BAYS * BAY, BAYS).surface(facade, Label.BLOCK), roof.surface(
+        replace(ROOF, color=roof_color), Label.BLOCK
+    )
 
 
 def _sides(shape: StaticShape, period: float, parts: int = 1) -> Mesh:
@@ -144,6 +148,8 @@ def _post(shape: StaticShape) -> tuple[MeshSurface, ...]:
 
 # -- facades ----------------------------------------------------------------------------------------------------
 
+GLASS = (("#1f263d", "#4d5574"), ("#1f313d", "#4d6374"), ("#1f393d", "#4d6f74"))
+"""Colours of windows, and of the sky that they mirror, bluish as nothing else; `window_light` in shaders/light.glsl."""
 BAYS, STOREYS = 4, 4
 """Windows beside each other in the texture of a facade, and the most above each other."""
 
@@ -174,9 +180,9 @@ _PANELS = (
 )
 _DUCT = '<rect width="100" height="100" fill="#aeb0b3"/><rect x="46" width="8" height="100" fill="#3f3f42"/>'
 _ROOF = (
-    '<rect width="100" height="100" fill="#6f6d6a"/><rect x="2" y="2" width="96" height="96" fill="none" stroke="#e4e2dc" stroke-width="4"/>'
-    '<rect x="4.4" y="4.4" width="91.2" height="91.2" fill="none" stroke="#3c3b39" stroke-width="1"/>'
-    '<rect x="60" y="20" width="14" height="10" fill="#8d8b87" stroke="#4a4947" stroke-width="1"/><circle cx="28" cy="66" r="4" fill="#4d4c4a"/>'
+    '<rect width="100" height="100" fill="#b4b1ab"/><rect x="2" y="2" width="96" height="96" fill="none" stroke="#e4e2dc" stroke-width="4"/>'
+    '<rect x="4.4" y="4.4" width="91.2" height="91.2" fill="none" stroke="#7d7b77" stroke-width="1"/>'
+    '<rect x="60" y="20" width="14" height="10" fill="#d4d1cb" stroke="#7f7d79" stroke-width="1"/><circle cx="28" cy="66" r="4" fill="#83817d"/>'
 )
 
 
@@ -202,12 +208,13 @@ def _facade(storeys: int) -> str:
                     f'<rect x="{x + 0.39 * wide}" y="{y + 0.32 * tall}" width="{0.22 * wide}" height="{0.22 * tall}" fill="#31414d"/>'
                 )
                 continue
+            glass, mirroring = GLASS[(5 * bay + 3 * storey) % len(GLASS)]
             blind = 0.18 * tall * ((3 * bay + 2 * storey) % 4 == 1)
             left, upper, w, h = x + 0.26 * wide, y + 0.2 * tall, 0.48 * wide, 0.56 * tall
             parts.append(
                 f'<rect x="{left - 1.2}" y="{upper - 1}" width="{w + 2.4}" height="{h + 2}" fill="#e8e4da"/>'
-                f'<rect x="{left}" y="{upper}" width="{w}" height="{h}" fill="#22303b"/>'
-                f'<path d="M{left} {upper} h{w} v{0.45 * h} l{-w} {0.25 * h} Z" fill="#4d6474"/>'
+                f'<rect x="{left}" y="{upper}" width="{w}" height="{h}" fill="{glass}"/>'
+                f'<path d="M{left} {upper} h{w} v{0.45 * h} l{-w} {0.25 * h} Z" fill="{mirroring}"/>'
                 f'<rect x="{left}" y="{upper}" width="{w}" height="{blind}" fill="#cfc7b4"/>'
                 f'<path d="M{left + 0.5 * w} {upper} v{h} M{left} {upper + 0.36 * h} h{w}" stroke="#e8e4da" stroke-width="1"/>'
                 f'<rect x="{left - 2.2}" y="{upper + h + 0.6}" width="{w + 4.4}" height="1.5" fill="#efece4"/>'

@@ -237,7 +237,7 @@ def _add_wing(builder: MeshBuilder, spec: VehicleSpec) -> None:
     section = shapely.Polygon(
         [(x - 0.022, top + 0.006), (x - 0.019, top + 0.009), (x + 0.022, top), (x + 0.022, top - 0.003)]
     )
-    builder.add("carbon", _upright(section, -half, half))
+    builder.add("matt_black", _upright(section, -half, half))  # a glossy plate shows the sky: it looks white
     mount = shapely.Polygon([(x - 0.004, low), (x + 0.016, low), (x + 0.012, top), (x - 0.008, top + 0.003)])
     end = shapely.Polygon(
         [(x - 0.028, top - 0.014), (x + 0.024, top - 0.014), (x + 0.024, top + 0.006), (x - 0.028, top + 0.014)]

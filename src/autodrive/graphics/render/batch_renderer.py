@@ -271,7 +271,7 @@ class BatchRenderer(Renderer):
             targets[k % RING].begin()
             self._use_behind(k % RING, self._view)
             calls = [*self._posed(part, k, lit), *self._ranges(part, k, lit)]
-            self._draw_calls(calls, state.is_day, weather=look.air.effects)
+            self._draw_calls(calls, state.is_day, weather=look.effects)
             self._draw_sky_and_air(part.views[k], part.clips[k], look, state.time)
             targets[k % RING].finish()
         for k in range(max(m - RING, 0), m):
@@ -322,7 +322,8 @@ class BatchRenderer(Renderer):
         if is_day:
             self._shadows.draw_still(places, part.eyes[k : k + 1])
         draws.set_casters(casters, roots, part.centers[k, : len(roots)], bones, is_day=is_day)
-        lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, is_day=is_day)
+        are_lit = state.look.are_lamps_lit
+        lamps, n_beam = draws.set_lamps(state.vehicles, near, roots, places, bones, are_lit=are_lit)
         numbers = np.flatnonzero(part.is_seen[k])
         low, high = part.low[k, numbers], part.high[k, numbers]
         dimmed, away = part.is_dimmed[k, numbers][:, casters], part.to_shadow[k, numbers][:, casters]

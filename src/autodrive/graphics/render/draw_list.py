@@ -141,7 +141,8 @@ class DrawList:
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
         if state.is_day:
             self.shadow_areas = self._shadows.areas(casters, bones).astype(np.float32)
-        self.lamps, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
+        are_lit = state.look.are_lamps_lit
+        self.lamps, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, are_lit=are_lit)
 
         spheres = [self._spheres]
         spheres.append((centers.reshape(-1, 3), np.array([m.radius for m in self._vehicles])))
@@ -201,6 +202,7 @@ class DrawList:
             self.frame[name][:3] = getattr(look, name)
         self.frame["exposure"] = look.exposure, look.glow, look.air.extinction, look.air.wetness
         self.frame["floor_glow"][3] = look.air.snow_cover
+        self.frame["horizon"][3] = look.dusk
         self.frame["sun_place"][3] = (CLOUD_DRIFT * look.air.wind * time) % 1000.0
         self.frame["dawn"][3] = look.air.clouds
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
@@ -235,15 +237,16 @@ class DrawList:
         places: Floats,
         bones: Sequence[bytes],
         *,
-        is_day: bool,
+        are_lit: bool,
     ) -> tuple[np.ndarray, int]:
         """Write the lamps into `frame`; draws the shadow maps of headlights.
 
-        Returns the lamps in the order of their slots, and how many of them are headlights with shadows; none by day.
-        `vehicles`: dtype `render_state.VEHICLE`; `near`: their numbers, the nearest to a camera first.
+        Returns the lamps in the order of their slots, and how many of them are headlights with shadows. `are_lit`: see
+        `Daylight.are_lamps_lit`; by day there are none. `vehicles`: dtype `render_state.VEHICLE`; `near`: their
+        numbers, the nearest to a camera first.
         """
         self.n_beam = 0
-        if is_day or not vehicles["lamps"].any():
+        if not are_lit or not vehicles["lamps"].any():
             return np.zeros(0, LAMP), 0
         lit, owner, is_headlight = burning(self._tables, roots, vehicles["lamps"])
         rank = np.argsort(np.array(near))[owner]  # 0: the vehicle nearest to a camera

@@ -62,9 +62,22 @@ class Daylight:
     """Factor for light that lamps and other surfaces emit."""
     sun_place: Vector
     """Unit vector towards the sun or moon in the sky; `sun_direction` is never so low."""
+    dusk: float
+    """How dark it is for people, from 0 by day to 1 by night: lamps are lit from `LAMPS_LIT` on, and windows one after
+    another."""
     dawn: Vector = (0.0, 0.0, 0.0)
     """Light of the sky near the horizon below a low sun."""
     air: Air = Air()  # noqa: RUF009  it is constant
+
+    @property
+    def are_lamps_lit(self) -> bool:
+        """Whether the traffic drives with headlights, and the light of lamps is seen on what they illuminate."""
+        return self.dusk >= LAMPS_LIT
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What surfaces show of weather and dusk, as flags of the shaders."""
+        return (*self.air.effects, "WINDOWS") if self.dusk > WINDOWS_LIT else self.air.effects
 
 
 def _towards(azimuth_deg: float, elevation_deg: float) -> Vector:
@@ -82,6 +95,7 @@ DAY = Daylight(
     exposure=0.92,
     glow=0.30,
     sun_place=_towards(118, 44),
+    dusk=0.0,
 )
 NIGHT = Daylight(
     sun_direction=_towards(118, 60),
@@ -92,6 +106,7 @@ NIGHT = Daylight(
     exposure=1.7,
     glow=0.36,
     sun_place=_towards(118, 60),
+    dusk=1.0,
 )
 
 
@@ -103,6 +118,12 @@ LEAST_ELEVATION = 8 * DEGREE
 """The sun is drawn no lower, because shadows become longer than maps."""
 FULL_DAY_ELEVATION = 20 * DEGREE
 """The light is that of `DAY` above this elevation."""
+LAMPS_LIT = 0.5
+"""`Daylight.dusk` from which on lamps are lit: a clear sky with the sun at `LEAST_ELEVATION`."""
+WINDOWS_LIT = 0.45
+"""`Daylight.dusk` above which the first windows can be lit; `WINDOWS_LIT` in shaders/light.glsl."""
+CLOUD_DUSK = 0.65
+"""`Daylight.dusk` by clouds that hide the whole sky: lamps are lit under more than three quarters of them at noon."""
 DAWN: tuple[tuple[float, Vector], ...] = (
     (-9 * DEGREE, (0.0, 0.0, 0.0)),
     (-4 * DEGREE, (0.08, 0.03, 0.025)),
@@ -160,8 +181,20 @@ def _look_at_minute(minute: int) -> Daylight:
         exposure=NIGHT.exposure + share * (DAY.exposure - NIGHT.exposure),
         glow=NIGHT.glow + share * (DAY.glow - NIGHT.glow),
         sun_place=(x, y, z),
+        dusk=min(max(LAMPS_LIT * (2.0 - math.asin(z) / LEAST_ELEVATION), 0.0), 1.0),
         dawn=dawn,
     )
+
+
+def needs_lamps(is_day: bool, time_of_day: float | None, weather: Weather | None) -> bool:
+    """`Daylight.are_lamps_lit` in that light [s since midnight, None: fixed] and weather (None: clear)."""
+    look = fixed_look(is_day) if time_of_day is None else look_at(time_of_day)
+    return look.dusk + CLOUD_DUSK * clouds_of(weather or Weather()) >= LAMPS_LIT
+
+
+def fixed_look(is_day: bool) -> Daylight:
+    """Sun, sky and exposure without a time of day."""
+    return DAY if is_day else NIGHT
 
 
 def _dawn(elevation: float) -> Vector:
@@ -198,9 +231,14 @@ BEAMS = {
 """Beams by the lamp names of `LightsSpec`."""
 
 
+def clouds_of(weather: Weather) -> float:
+    """Share of the sky that clouds hide: rain, snow and fog come with clouds."""
+    return max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog)
+
+
 def air_of(weather: Weather) -> Air:
-    """The weather of a picture. Rain, snow and fog come with clouds."""
-    clouds = max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog)
+    """The weather of a picture."""
+    clouds = clouds_of(weather)
     wetness, snow_cover = weather.wetness or 0.0, weather.snow_cover or 0.0
     return Air(clouds, extinction(weather), weather.rain, weather.snow, weather.wind, wetness, snow_cover)
 
@@ -228,6 +266,7 @@ def in_air(look: Daylight, air: Air) -> Daylight:
         horizon=grey(look.horizon, 0.9),
         floor_glow=grey(look.floor_glow, 0.8),
         dawn=grey(look.dawn, 0.3),
+        dusk=min(look.dusk + CLOUD_DUSK * c, 1.0),
         # white ground is bright, most of all before headlights
         exposure=look.exposure * (1.0 - air.snow_cover * (0.15 + 0.4 * dark)),
         air=air,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from autodrive.graphics.render.look import DAY, NIGHT, Air, Daylight, air_of, in_air, look_at
+from autodrive.graphics.render.look import Air, Daylight, air_of, fixed_look, in_air, look_at
 from autodrive.physics.actuators.lights import LAMPS, lamp_levels
 from autodrive.protocol.messages import Weather
 from autodrive.scenario.maps.light_programs import MAX_LIGHTS
@@ -140,7 +140,6 @@ class RenderState:
     def look(self) -> Daylight:
         """Sun, sky and exposure."""
         time_of_day = float(self.header["time_of_day"])
-        fixed = DAY if self.is_day else NIGHT
-        look = fixed if math.isnan(time_of_day) else look_at(time_of_day)
+        look = fixed_look(self.is_day) if math.isnan(time_of_day) else look_at(time_of_day)
         air = Air(*self.header["air"].tolist())
         return look if air == Air() else in_air(look, air)

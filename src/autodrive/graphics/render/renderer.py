@@ -292,7 +292,7 @@ class Renderer:
 
     def _draw_colors(self, view: View, clip: Floats, look: Daylight, time: float, is_day: bool) -> None:
         outlines = ("OUTLINED",) if view.is_outlined and not is_day else ()
-        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects, of_vehicles=outlines)
+        self._draw_calls(self._seen(clip, view), is_day, weather=look.effects, of_vehicles=outlines)
         self._draw_sky_and_air(view, clip, look, time)
 
     def _draw_sky_and_air(self, view: View, clip: Floats, look: Daylight, time: float) -> None:

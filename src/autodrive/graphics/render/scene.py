@@ -279,7 +279,7 @@ def _vertices(
     part["normal"] = surface.normals @ place[:3, :3].T
     part["color"] = material.color
     if not node.lamp or node.lamp in LAMPS:  # lenses of traffic lights are dark: see `lit_lenses`
-        part["emission"] = material.emission
+        part["emission"] = material.window_light if any(material.window_light) else material.emission
     if surface.uvs is not None:
         part["uv"] = surface.uvs
     part["open"] = 1.0 if surface.open is None else surface.open

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-import resource
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
+
+if sys.platform == "linux":
+    import resource
 
 BT_709, LIMITED = 1, 1
 """Numbers in video files of these colours (ITU-T H.273), and of the range 16 to 235 (FFmpeg)."""

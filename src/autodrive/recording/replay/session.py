@@ -18,6 +18,7 @@ from autodrive.connect.server.served import PageOptions, Served, scene_renderer_
 from autodrive.connect.server.server import SimulationServer
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.graphics.cameras.process_cameras import ProcessCameras
+from autodrive.protocol.messages import Place, Reset, UseMap
 from autodrive.protocol.native import Drive
 from autodrive.protocol.replay import Curve, PlotRecording
 from autodrive.recording.replay.forces import ForcesAgain
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
     from autodrive.world import World
     from autodrive.world.compile import CompiledScenario
+
+CHANGES = (Drive, Reset, Place, UseMap)
+"""What a page offers and a replay refuses; the Player refuses all other changes."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ class Replay:
                 self.player,
                 stages.scene_files,
                 replay=self,
-                refusal=lambda message: self.player.refusal if isinstance(message, Drive) else "",
+                refusal=lambda message: self.player.refusal if isinstance(message, CHANGES) else "",
                 jpeg_encoder=JpegEncoder(),
                 cameras_error=stages.cameras_error,
                 want_pictures=self.player.want_images,

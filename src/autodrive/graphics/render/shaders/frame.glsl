@@ -1,6 +1,6 @@
     vec4 sun_direction;         // towards the sun
     vec4 sun_color;             // irradiance of a surface that faces it
-    vec4 zenith, horizon, floor_glow;  // irradiance from above, from the horizon, from below; floor_glow.w: snow cover
+    vec4 zenith, horizon, floor_glow;  // irradiance from above, from the horizon, from below; horizon.w: dusk, floor_glow.w: snow cover
     vec4 exposure;              // for reflected light, for emitted light; extinction of the air, wetness of the ground
     vec4 sun_place;             // towards the sun or moon that is seen, drift of the clouds
     vec4 dawn;                  // glow of the sky below the sun, share of clouds

@@ -61,6 +61,20 @@ vec3 lamp_light(int i, out vec3 l) {
     return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
 }
 
+#ifdef WINDOWS
+// Light of the lit windows of a facade, whose `texel` is linear. Glass is the only bluish part of it, and its green is
+// the number of the window, 0 to 2. More windows are lit the darker it is, others on each wall. `light`: that of a window.
+const float WINDOWS_LIT = 0.45;
+vec3 window_light(vec3 light, vec3 texel, float dusk, float column, vec3 wall) {
+    float blue = texel.b - texel.r, glass = smoothstep(0.005, 0.019, blue);
+    float frame = 0.22 * max(texel.r - 0.5 * texel.b, 0.0);  // blue that a share of the window's frame takes away
+    float number = floor(clamp(3.0 * (texel.g - texel.r + 0.3 * frame) / max(blue + frame, 1e-4), 0.0, 2.9));
+    float own = fract(0.333 * number + 0.618 * column + dot(wall, vec3(7.1, 3.3, 5.7)));
+    float lit = smoothstep(0.0, 0.05, dusk - WINDOWS_LIT - 0.8 * own);
+    return light * (glass * lit) * mix(vec3(1.0), vec3(1.0, 1.25, 1.7), own);
+}
+#endif
+
 #ifdef FINE
 // Normal of level ground that is as uneven as the brightness of its texture, near the camera (Mikkelsen 2010).
 vec3 uneven(float bright, float near) {

@@ -1,6 +1,6 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
 // OUTLINED: vehicles have outlines. FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss.
-// QUICK: lamps cause no gloss.
+// QUICK: lamps cause no gloss. WINDOWS: some windows of facades are lit; no other still surface with a texture emits light.
 // STILL: shadows of static meshes reach this draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows (of the ground:
 // see ground_shade.frag), headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
@@ -86,7 +86,8 @@ void main() {
     vec3 fine = texture(textures, vec3(3.1 * own_uv.xy, own_finish.z)).rgb;
     color *= texel * mix(texel, fine, near);
 #else
-    color *= texel * texel;  // textures are stored as square roots of linear values
+    texel *= texel;  // textures are stored as square roots of linear values
+    color *= texel;
 #endif
 #endif
 #ifdef GROUND
@@ -151,14 +152,21 @@ void main() {
 #ifdef OUTLINED
     if (!is_still) light += outlined(own_color, n, v);
 #endif
+#if defined(JOINTED) || !defined(TEXTURED)
     vec3 emission = own_emission;
+#elif defined(WINDOWS) && !defined(FLAT)
+    vec3 emission = window_light(own_emission, texel, horizon.w, floor(own_uv.x), own_color + n);
+#else
+    const vec3 emission = vec3(0.0);
+#endif
 #ifdef WET
     if (is_still) light += glint(n, v) * open;
 #endif
 #ifdef AIR
     float share = exp(-exposure.z * distance(eye.xyz, place));  // the rest is light of the horizon
     light = mix(horizon.rgb * 0.31831, light, share);
-    emission *= share;
+#else
+    const float share = 1.0;
 #endif
-    pixel = vec4(shown(light * exposure.x + emission * exposure.y), 1.0);
+    pixel = vec4(shown(light * exposure.x + emission * (share * exposure.y)), 1.0);
 }

@@ -69,17 +69,20 @@ def command(
     drive(Traffic(table, columns[k], state, lights.mode[k], lights.state[k], tick), throttle, steering)
 
 
-def switch_lamps(table: TrafficTable, columns: Table, vehicles: Sequence[VehicleControls], *, is_day: bool) -> None:
-    """Switch the lamps of the traffic among all `vehicles` of a World: headlights by night, brake lamps, indicators."""
+def switch_lamps(table: TrafficTable, columns: Table, vehicles: Sequence[VehicleControls], *, is_dark: bool) -> None:
+    """Switch the lamps of the traffic among all `vehicles` of a World: headlights, brake lamps, indicators.
+
+    `is_dark`: see `headlights_in`.
+    """
     names = "signal", "signal_since", "is_braking"
     for row, signal, since, is_braking in zip(
         table.rows.tolist(), *(columns[name][0].tolist() for name in names), strict=True
     ):
         vehicle = vehicles[row]
-        vehicle.headlights, vehicle.is_braking = headlights_at(is_day), is_braking
+        vehicle.headlights, vehicle.is_braking = headlights_in(is_dark), is_braking
         vehicle.indicators, vehicle.indicators_since = INDICATORS[signal], since
 
 
-def headlights_at(is_day: bool) -> Headlights:
-    """The headlights of the traffic by day and by night."""
-    return Headlights.OFF if is_day else Headlights.LOW
+def headlights_in(is_dark: bool) -> Headlights:
+    """The headlights of the traffic; `is_dark`: see `look.needs_lamps`."""
+    return Headlights.LOW if is_dark else Headlights.OFF
