@@ -582,3 +582,65 @@ test('another map, a new track and a random track ask before they replace unsave
   await new Promise((done) => setTimeout(done))
   expect(socket.sent.length).toBe(sent)
 })
+
+/** Two straight roads in a row, whose outer ends may stay open. */
+function twoRoads(): MapScene {
+  const joined = { state: 'joined' as const }
+  const open = { state: 'open' as const }
+  return mapOf(
+    { a: part('straight', 0, 0), b: part('straight', 0.6, 0) },
+    {
+      a: { east: { ...port(0.3, 0, 0), ...joined }, west: { ...port(-0.3, 0, Math.PI), ...open } },
+      b: { west: { ...port(0.3, 0, Math.PI), ...joined }, east: { ...port(0.9, 0, 0), ...open } },
+    },
+  )
+}
+
+test('a piece with two ends snaps to a joint and is inserted there; without an open end, N goes to the joints', async () => {
+  const { builder, socket, store } = page(twoRoads())
+  builder.take('straight', [3, 3])
+  builder.moveTo([0.31, 0.02], [431, 298], above, false)
+  expect(builder.hand.value).toMatchObject({ target: { part: 'a', name: 'east', state: 'joined' } })
+  press('Enter')
+  expect(socket.request).toEqual({
+    ...{ type: 'InsertModule', module: 'straight', part: 'a', port: 'east' },
+    entry: expect.stringMatching(/east|west/),
+  })
+  socket.respond('the road is closed')
+  await vi.waitFor(() => expect(builder.hand.value).toMatchObject({ part: { module: 'straight' } }))
+  expect(store.error.value).toBe('The road is closed.')
+  builder.take('parking', [3, 3]) // it has one end
+  builder.moveTo([0.31, 0.02], [431, 298], above, false)
+  expect(builder.hand.value).toMatchObject({ target: null })
+  press('Escape')
+  press('KeyN')
+  expect(builder.hand.value).toMatchObject({ target: { part: 'a', name: 'east' } })
+  expect(builder.offered).toEqual(['curve', 'straight'])
+})
+
+test('a selected piece is replaced by one that has the same ends, as one edit', async () => {
+  const map = twoRoads()
+  const CROSSING: ModuleScene = {
+    ...{ title: 'Crossing', type: 'intersection', length: 0.6, width: 0.6, image: 'scene/x.svg' },
+    ports: { ...STRAIGHT.ports, north: port(0, 0.3, HALF) },
+  }
+  const modules = { ...map.modules, crossing: CROSSING }
+  const ports = {
+    ...map.ports,
+    a: { east: map.ports.a.east, west: { ...map.ports.a.west, state: 'joined' as const } },
+  }
+  const { builder, socket } = page({ ...map, ports, modules })
+  builder.select('a')
+  const offered = [...document.querySelectorAll<HTMLButtonElement>('[data-testid="build-replace"] button')]
+  expect(offered.map((button) => button.dataset.module)).toEqual(['crossing'])
+  offered[0].click()
+  expect(socket.request).toMatchObject({
+    type: 'EditMap',
+    parts: { a: null, crossing_1: { module: 'crossing', x: expect.closeTo(0), y: expect.closeTo(0) } },
+    seen: { crossing_1: null },
+  })
+  builder.select('b') // its one joint can also be that of a curve
+  const names = () =>
+    [...document.querySelectorAll<HTMLElement>('[data-testid="build-replace"] button')].map((one) => one.dataset.module)
+  expect(names()).toEqual(['curve', 'parking', 'crossing'])
+})

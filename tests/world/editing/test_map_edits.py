@@ -503,7 +503,7 @@ def test_traffic_forbids_a_map_without_closed_lanes_until_it_is_removed() -> Non
     building = Building("traffic")
     cars = {name for name, vehicle in building.world.frame.vehicles.items() if vehicle.is_traffic}
     assert cars
-    with pytest.raises(AutodriveError, match="traffic has .* cars"):
+    with pytest.raises(AutodriveError, match=r"traffic has .* cars"):
         building.ask(UseMap("empty"))
     building.ask(RemoveTraffic())
     assert building.simulation.undo_name == "remove the traffic"

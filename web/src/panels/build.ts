@@ -248,5 +248,10 @@ function start(store: Store, { builder, trackBuilder, files }: Building): HTMLEl
   store.isBuilding.watch((isBuilding) => {
     if (isBuilding) folded.open = !store.hasUnsavedEdits.value
   })
+  const fold = (begun: readonly unknown[]): void => {
+    if (begun.length > 0) folded.open = false
+  }
+  builder.selected.watch(fold)
+  builder.placed.watch(fold)
   return folded
 }

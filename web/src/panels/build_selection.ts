@@ -38,7 +38,9 @@ export function selection(store: Store, builder: Builder): HTMLElement {
   const car = h('button', { testid: 'build-car', onclick: () => void busy(car, () => builder.placeVehicle()) })
   store.vehicle.watch((vehicle) => setText(car, `Put ${vehicle || 'the vehicle'} here`))
   const title = h('div', {}, name, kind)
-  const element = section('Selected', h('div', { class: 'heading' }, picture, title), pose, sizes, open, car)
+  const others = h('div', { class: 'replacements', testid: 'build-replace', role: 'group', 'aria-label': 'Replace by' })
+  const heading = h('div', { class: 'part' }, picture, title)
+  const element = section('Selected', heading, pose, sizes, open, others, car)
   element.classList.add('selected-card')
 
   async function move(): Promise<void> {
@@ -56,7 +58,7 @@ export function selection(store: Store, builder: Builder): HTMLElement {
     const { part, scene } = builder
     const names = builder.selected.value
     element.hidden = names.length === 0
-    for (const row of [pose, sizes, open, car]) row.hidden = !part
+    for (const row of [pose, sizes, open, others, car]) row.hidden = !part
     picture.hidden = !part
     if (!part || !scene) {
       setText(name, `${names.length} pieces`)
@@ -68,6 +70,7 @@ export function selection(store: Store, builder: Builder): HTMLElement {
     if (picture.src !== image) picture.src = image
     setText(name, names[0])
     setText(kind, titleOf(part, scene))
+    showReplacements(scene)
     const isSized = part.type === 'MapBlock' || module?.type === 'terrain' || module?.type === 'obstruction'
     pose.hidden = part.type === 'MapWall'
     sizes.hidden = !isSized
@@ -84,6 +87,24 @@ export function selection(store: Store, builder: Builder): HTMLElement {
       if (field.value !== text) field.value = text
     }
     isOpen.checked = part.type === 'MapModule' && part.open === true
+  }
+
+  /** Pictures of the modules that have the same ends as the selected one. */
+  function showReplacements(scene: MapScene): void {
+    const found = builder.replacements
+    others.hidden = found.length === 0
+    const key = JSON.stringify(found)
+    if (others.dataset.shown === key) return
+    others.dataset.shown = key
+    const buttons = found.map(({ module, pose }) => {
+      const { title, image } = scene.modules[module]
+      const onclick = (): void => void busy(button, () => builder.replace(module, pose))
+      const drawing = h('img', { src: sceneUrl(image).href, alt: title })
+      const button = h('button', { title: `Replace by ${title}: it has the same ends`, onclick }, drawing)
+      button.dataset.module = module
+      return button
+    })
+    others.replaceChildren(h('span', {}, 'Replace by'), ...buttons)
   }
 
   builder.selected.watch(show)

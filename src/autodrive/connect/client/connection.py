@@ -22,6 +22,7 @@ from autodrive.protocol.messages import (
     EditTrack,
     Frame,
     GenerateTrack,
+    InsertModule,
     LoadScenario,
     Pause,
     Redo,
@@ -48,7 +49,7 @@ LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
 LOADED = (
     *(LoadScenario, AddBox, RemoveBox, SetSensor, RemoveTraffic),
-    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack, ImportTrack),
+    *(EditMap, UseMap, CloseLoop, InsertModule, EditTrack, GenerateTrack, ImportTrack),
     *(Undo, Redo),
 )
 """Operations that compile a scenario."""

@@ -20,6 +20,7 @@ from autodrive.protocol.messages import (
     EditTrack,
     Frame,
     GenerateTrack,
+    InsertModule,
     LoadScenario,
     Operation,
     Pause,
@@ -348,7 +349,7 @@ class Simulation(Paced):
                 self.error = ""
             case Place() | AddBox() | RemoveBox() | SetSensor() | RemoveTraffic():
                 self._use(self._editor.edit(self.world, request))
-            case EditMap() | UseMap() | CloseLoop() | EditTrack() | GenerateTrack():
+            case EditMap() | UseMap() | CloseLoop() | InsertModule() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))
