@@ -217,6 +217,22 @@ def test_a_road_is_inserted_into_a_closed_one_and_a_piece_is_replaced(plane: Pag
     assert {problem["kind"] for problem in problems(building)} <= {"unconnected", "overlap"}
 
 
+def test_a_map_that_the_traffic_forbids_is_built_without_traffic(running: PageServer, new_tab: NewTab) -> None:
+    running.restart("traffic")
+    running.request(Pause())
+    tab = new_tab(size=(1000, 640)).open(running.url + "?quality=low#build=1")
+    before = set(running.frame.vehicles)
+    start_from(tab, "empty")
+    assert "no closed way of lanes" in tab.text("traffic-dialog")
+    tab.click("traffic-dialog-cancel")
+    assert set(running.frame.vehicles) == before
+    start_from(tab, "empty")
+    tab.click("traffic-dialog-remove")
+    tab.wait_until(lambda: len(parts(tab)) == 2)
+    assert not any(vehicle.is_traffic for vehicle in running.frame.vehicles.values())
+    assert running.frame.vehicles
+
+
 def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServer, building: Tab) -> None:
     building.get("build-template").select_option("oval")
     building.wait_until(lambda: len(parts(building)) == 11)
@@ -226,6 +242,7 @@ def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServe
     building.show("menu")
     building.get("scenario").select_option("two_cars")
     building.get("discard-dialog").wait_for()
+    assert "There are edits that are not saved" in building.text("discard-dialog")  # without the title of the scenario
     building.click("discard-dialog-cancel")
     assert plane.simulation.undo_name == "use the map oval"
 
