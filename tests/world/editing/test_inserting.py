@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from autodrive import CommandError
-from autodrive.protocol.messages import InsertModule, MapModule, MapProp, Undo, UseMap
+from autodrive.protocol.messages import EditMap, InsertModule, MapModule, MapProp, MapWall, Undo, UseMap
 from tests.world.editing.test_closing import building
 from tests.world.editing.test_map_edits import CURVES, Building
 
@@ -84,13 +84,10 @@ def test_what_cannot_be_inserted_says_why(edit: InsertModule, text: str) -> None
 
 
 def test_a_ring_without_room_says_why_it_cannot_be_opened() -> None:
-    walls = {
-        f"lot_{i}": MapModule("parking_lot", x, y, yaw, open=True)
-        for i, (x, y, yaw) in enumerate([(3.0, 0.0, 0.0), (-3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, -3.0, 0.0)])
-    }
-    made = building(**CURVES, **walls)
-    edit = InsertModule("straight_road", "curve_0", "west")
-    made.ask(edit)  # there is room
+    corners = ((-1.2, -1.2), (1.2, -1.2), (1.2, 1.2), (-1.2, 1.2))
+    made = building(**CURVES, wall=MapWall(corners, height=0.2, is_closed=True))
     with pytest.raises(CommandError, match="the road is closed, and no pieces close it again"):
-        made.ask(*[edit] * 12)
+        made.ask(InsertModule("straight_road", "curve_0", "west"))
+    assert {*made.scene.parts} == {*CURVES, "wall"}
+    made.ask(EditMap({"wall": None}), InsertModule("straight_road", "curve_0", "west"))
     assert made.scene.problems == []

@@ -266,7 +266,7 @@ def _solids(map_: Map, part: frozenset[int], removed: frozenset[int], motion: Mo
 def _is_free(
     map_: Map, part: frozenset[int], removed: frozenset[int], motion: Motion, new: Sequence[BaseGeometry]
 ) -> bool:
-    """Whether the modules that are moved and the new ones overlap no other road, and the new ones no wall or block."""
+    """Whether the modules that are moved and the new ones overlap no other road, and no wall or block."""
     modules = map_.modules
     rest = [each.footprint for i, each in enumerate(modules) if _is_road(each) and i not in part and i not in removed]
     brought = [shapely.transform(modules[i].footprint, lambda at: moved(at, motion)) for i in part]
@@ -274,8 +274,11 @@ def _is_free(
     inner = [shape.buffer(-GAP) for shape in (*brought, *new)]
     if rest and len(tree.query(inner, predicate="intersects")[0]):
         return False
-    walls = [static.plan for static in map_.statics]
-    return not any(own.buffer(-GAP).intersects(solid) for own in new for solid in (*walls, *brought))
+    # posts of signs are not checked: those at the roads that are moved are moved with them
+    walls = [static.plan for static in map_.statics if static.material in {"wall", "block"}]
+    if any(own.buffer(-GAP).intersects(other) for own in new for other in brought):
+        return False
+    return not any(own.intersects(wall) for own in inner for wall in walls)
 
 
 def _signs(map_: Map, parts: Mapping[str, MapPart], part: frozenset[int]) -> Iterator[str]:
