@@ -192,5 +192,5 @@ def test_the_packages_for_ros_and_cpp_have_the_version_of_the_simulator() -> Non
         file: re.findall(pattern, (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
         for file, pattern in stated.items()
     }
-    assert versions == dict.fromkeys(stated, [autodrive.__version__])
+    assert versions == {file: [autodrive.__version__] for file in stated}
     assert f"\n## [{autodrive.__version__}] - 20" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
