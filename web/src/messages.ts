@@ -1314,6 +1314,7 @@ export interface Frame {
  *
  * `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
  * `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
+ * `scenario`: name of the scenario that is loaded. `has_start_screen`: as in the Welcome.
  */
 export interface Starting {
   type: 'Starting'
@@ -1322,6 +1323,8 @@ export interface Starting {
   remaining: number | null
   scene: Scene | null
   frame: Frame | null
+  scenario: string
+  has_start_screen: boolean
 }
 
 /**
@@ -1340,6 +1343,7 @@ export interface RunOrigin {
  *
  * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
  * simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
+ * `has_start_screen`: the simulator was started without a scenario, and nobody has loaded one yet: a page offers them.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -1350,6 +1354,7 @@ export interface Welcome {
   folder: string
   run: RunOrigin | null
   title: string
+  has_start_screen: boolean
 }
 
 /**

@@ -128,6 +128,10 @@ export class Store {
   readonly quality = new Observable<Quality>('auto')
   /** The quality that the page or the simulator chose because another one is not possible. */
   fallbackQuality: Quality | null = null
+  /** Whether the start screen is shown, with the scenarios that can be entered. */
+  readonly isStartOpen = new Observable(false)
+  /** Whether the camera turns slowly around the map, behind the start screen of the first visit. */
+  readonly isTurning = new Observable(false)
   readonly isMenuOpen = new Observable(false)
   readonly isHudOpen = new Observable(false)
   readonly isLogOpen = new Observable(false)

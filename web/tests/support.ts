@@ -3,7 +3,17 @@ import { Decoder, Encoder, ExtensionCodec } from '@msgpack/msgpack'
 import { vi } from 'vitest'
 
 import { Connection } from '../src/connection'
-import type { ClientMessage, Frame, LidarScan, Pose, Scene, ServerMessage, Status, VehicleFrame } from '../src/messages'
+import type {
+  ClientMessage,
+  Frame,
+  LidarScan,
+  Pose,
+  Scene,
+  ServerMessage,
+  Status,
+  VehicleFrame,
+  Welcome,
+} from '../src/messages'
 import { ARRAYS, Headlights, Indicators, TailLights } from '../src/messages'
 import { Store } from '../src/store'
 import type { PageMessage, Port, WorkerMessage } from '../src/worker/port'
@@ -123,9 +133,13 @@ export function connectedPage(vehicles: readonly string[] = ['V1']) {
   return { store, connection, socket }
 }
 
-export function welcome(): ServerMessage {
+export function welcome(values: Partial<Welcome> = {}): Welcome {
   const scenarios = { plane: 'Empty plane', two_cars: 'Two cars' }
-  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '', run: null, title: '' }
+  return {
+    ...{ type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '', run: null, title: '' },
+    has_start_screen: false,
+    ...values,
+  }
 }
 
 export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene {

@@ -195,6 +195,7 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
 
     `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
     `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
+    `scenario`: name of the scenario that is loaded. `has_start_screen`: as in the Welcome.
     """
 
     stage: str
@@ -202,6 +203,8 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
     remaining: float | None = None
     scene: Scene | None = None
     frame: Frame | None = None
+    scenario: str = ""
+    has_start_screen: bool = False
 
 
 class RunOrigin(msgspec.Struct, frozen=True):
@@ -220,6 +223,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
 
     `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
     simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
+    `has_start_screen`: the simulator was started without a scenario, and nobody has loaded one yet: a page offers them.
     """
 
     protocol: int
@@ -230,6 +234,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     folder: str = ""
     run: RunOrigin | None = None
     title: str = ""
+    has_start_screen: bool = False
 
 
 class Lamp(msgspec.Struct, frozen=True):

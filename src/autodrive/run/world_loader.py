@@ -45,6 +45,8 @@ class WorldLoader:
     def __init__(self, options: RunOptions) -> None:
         self.scenario = options.scenario
         self.cameras: CameraMonitor | None = None
+        self.has_start_screen = options.has_start_screen
+        """Whether nobody has loaded a scenario since the start without one."""
         self._options = options
         self._made: WeakKeyDictionary[World, tuple[str, CameraMonitor | None, bool]] = WeakKeyDictionary()
         """Scenario and cameras of each world, and whether an edit made it."""
@@ -112,6 +114,7 @@ class WorldLoader:
     def _begin(self, world: World) -> None:
         """Make a world the current one; the count of ticks and images goes on after an edit."""
         self.scenario, self.cameras, is_edited = self._made[world]
+        self.has_start_screen &= self._world is None
         self._world = world
         if not is_edited:
             self._tick_duration, self._ticks = world.tick_duration, 0

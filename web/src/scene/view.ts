@@ -243,7 +243,7 @@ class View implements SceneView {
       store.frame.watch((frame) => frame && this.addFrame(frame)),
       store.quality.watch(() => this.setQuality()),
       store.rendered.watch((image) => image && this.isStreamWanted && this.remote.show(image)),
-      ...[store.isEditing, store.isBuilding].map((one) => one.watch(() => this.pauseStream())),
+      ...[store.isEditing, store.isBuilding, store.isTurning].map((one) => one.watch(() => this.pauseStream())),
     )
     const change = () => {
       this.changedAt = performance.now() / 1000
@@ -383,10 +383,10 @@ class View implements SceneView {
     return this.store.quality.value === 'stream' && !this.store.isStreamPaused.value
   }
 
-  /** The page draws the map itself while it is viewed, if it can: the simulator does not have that camera. */
+  /** The page draws the map itself while it is viewed or turns, if it can: the simulator does not have that camera. */
   private pauseStream(): void {
     const { store } = this
-    const isPaused = store.isMapViewed && this.canDraw
+    const isPaused = (store.isMapViewed || store.isTurning.value) && this.canDraw
     if (isPaused === store.isStreamPaused.value) return
     store.isStreamPaused.value = isPaused
     if (isPaused) this.remote.hide()
@@ -444,19 +444,21 @@ class View implements SceneView {
       this.drawnAt = now
       if (this.isStreamWanted) this.remote.uncover()
       else this.remote.hide()
-      if (wasDrawn && this.store.quality.value === 'auto') this.judge(dt, now)
+      const isJudged = this.store.quality.value === 'auto' && !this.store.isTurning.value
+      if (wasDrawn && isJudged) this.judge(dt, now)
     }
     this.store.imageCount.value += 1
   }
 
-  /** Whether the next image would be another one than the latest; always true unless the map is viewed. */
+  /** Whether the next image would be another one than the latest; always true if a vehicle is followed. */
   private isNew(now: number): boolean {
-    if (!this.store.isMapViewed) return true
+    const { isMapViewed, isTurning } = this.store
+    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
+    if (!isMapViewed) return !isTurning.value || now >= this.drawnAt + pause
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
     if (![matrixWorld, projectionMatrix].every((one, i) => isSame(one, this.drawnFrom[i]))) return true
-    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
     return now < this.movedAt + SETTLING && now >= this.drawnAt + pause
   }
 
@@ -472,7 +474,8 @@ class View implements SceneView {
     const spec = scene.vehicles[followed]
     const zoom = lensZoomOf(store) * (isStream ? Math.max(1, viewpoints.camera.aspect / STREAM_ASPECT) : 1)
     const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom }
-    viewpoints.update(store.camera.value, scene, vehicle, dt, view)
+    if (store.isTurning.value && !store.isMapViewed) viewpoints.turn(scene, dt)
+    else viewpoints.update(store.camera.value, scene, vehicle, dt, view)
     if (store.isMapViewed && !isStream) {
       viewpoints.controls.enabled = false
       this.editCamera.update(viewpoints.camera, vehicle.position, store.isBuilding.value ? BUILD_DISTANCE : 1)

@@ -140,6 +140,7 @@ class Hub:
             served.own_files.folder,
             self._origin,
             served.simulation.world.spec.title,
+            served.has_start_screen(),
         )
         await send_bytes(encode(welcome))
         await self._serve_client(client, receive, send, send_bytes)

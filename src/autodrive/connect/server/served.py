@@ -125,6 +125,8 @@ class Served:
     """Connected and disconnected by requests; it need not be started. None: such requests are refused."""
     scenarios: Mapping[str, str] = field(default_factory=dict)
     """Name -> title of the scenarios that clients may load with the Simulation's `load`."""
+    has_start_screen: Callable[[], bool] = lambda: False
+    """Whether nobody has chosen a scenario yet, so that a page offers them."""
     jpeg_encoder: JpegEncoder | None = None
     """Encodes the images of the sensor cameras; None: no pictures are sent."""
     cameras_error: Callable[[], str] = lambda: ""
