@@ -171,7 +171,7 @@ def show(
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
-    settings = EnvSettings(observation="state", frame_skip=team.ticks, render_mode=mode)
+    settings = EnvSettings(task=team.task.name, observation="state", frame_skip=team.ticks, render_mode=mode)
     results: list[Results] = []
     world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
     with closing(world) as rendered:
