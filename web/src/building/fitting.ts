@@ -70,6 +70,38 @@ export function fittingPorts({ ports }: ModuleScene, width: number): string[] {
   return Object.keys(ports).filter((name) => Math.abs(ports[name].width - width) <= SAME)
 }
 
+/** The joints at which a module can be inserted: one of the two ports that are joined. */
+export function jointsOf(scene: MapScene): PortPlace[] {
+  const joined = portsOf(scene).filter(({ state }) => state === 'joined')
+  return joined.filter((port, i) => !joined.slice(0, i).some((other) => isSamePlace(other, port)))
+}
+
+/** Modules that can replace a part, because they have its joined ports, and where they are then placed. */
+export function replacements(scene: MapScene, name: string): { module: string; pose: Pose }[] {
+  const part = scene.parts[name]
+  const ports = Object.values(scene.ports[name] ?? {})
+  const joined = ports.filter(({ state }) => state === 'joined')
+  const kept = joined.length > 0 ? joined : ports
+  const [first] = kept
+  if (part?.type !== 'MapModule' || !first) return []
+  return Object.entries(scene.modules).flatMap(([module, spec]) => {
+    if (module === part.module) return []
+    const poses = fittingPorts(spec, first.width).map((own) =>
+      meeting(spec.ports[own], { ...first, yaw: first.yaw + Math.PI }),
+    )
+    const pose = poses.find((at) => kept.every((port) => hasPort(spec, at, port)))
+    return pose ? [{ module, pose }] : []
+  })
+}
+
+/** Whether a module at a pose has a port like another one, at its place. */
+function hasPort(module: ModuleScene, pose: Pose, port: MapPort): boolean {
+  return fittingPorts(module, port.width).some((name) => {
+    const at = portAt(pose, module.ports[name])
+    return isSamePlace(at, port) && Math.cos(at.yaw - port.yaw) > 1 - SAME
+  })
+}
+
 /** Names of the modules that fit to a port. */
 export function fittingModules(scene: MapScene, width: number): string[] {
   return Object.keys(scene.modules).filter((name) => fittingPorts(scene.modules[name], width).length > 0)
@@ -93,13 +125,17 @@ function layoutAt(module: ModuleScene, port: string): Point[] {
   return [[pose.x, pose.y], ...others.map(([, { x, y }]) => inMap(pose, x, y))]
 }
 
-/** The pose in which a module in hand snaps to a port near the pointer, or near one of its ports; null: to none. */
+/** The pose in which a module in hand snaps to a port near the pointer, or near one of its ports; null: to none.
+ *
+ * `isPointerOnly`: only to a port near the pointer.
+ */
 export function snapped(
   module: ModuleScene,
   hand: { pose: Pose; port: string },
   targets: readonly PortPlace[],
   pointer: Point,
   project: Projection,
+  isPointerOnly = false,
 ): { pose: Pose; port: string; target: PortPlace } | null {
   let best: { pose: Pose; port: string; target: PortPlace } | null = null
   let least = 1
@@ -117,7 +153,7 @@ export function snapped(
       least = nearPointer
       best = { pose: meeting(module.ports[port], target), port, target }
     }
-    for (const { name, port, shown: at } of own) {
+    for (const { name, port, shown: at } of isPointerOnly ? [] : own) {
       const near = at ? distance(shown, at) / REACH.port : 1
       if (!names.includes(name) || near >= least) continue
       least = near
