@@ -171,9 +171,16 @@ def show(
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
-    settings = EnvSettings(task=team.task.name, observation="state", frame_skip=team.ticks, render_mode=mode)
+    settings = EnvSettings(observation="state", frame_skip=team.ticks, render_mode=mode)
     results: list[Results] = []
-    world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
+    world = RenderedWorld(
+        team.task.scenario,
+        settings,
+        task=team.task.name,
+        has_camera=False,
+        port=port,
+        is_real_time=is_real_time,
+    )
     with closing(world) as rendered:
         for number in itertools.count() if episodes is None else range(episodes):
             results.append(_episode(team, rendered, seed + number))
