@@ -82,7 +82,9 @@ class RenderedWorld:
         port: int | None = None,
         is_real_time: bool = True,
     ) -> None:
-        """`task`: its name, if it is not in the settings. `port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time.
+        """`task`: its name, if it is not in the settings. `port`: of the page, see `PageOptions`.
+
+        `is_real_time`: whether a step with the page lasts its time.
 
         Raises `SpecError`.
         """
