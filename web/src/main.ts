@@ -142,7 +142,7 @@ const hints = [
   crashHint(store, actions),
   episode(store),
 ]
-document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, guide.element, ...hints), programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
   dock,
