@@ -430,7 +430,7 @@ describe('the shade below vehicles of two sizes', () => {
         ...{ name: 'body', parent: -1, position: [0, 0, 0], orientation: [0, 0, 0, 1], joint: null, lamp: '' },
         surfaces: { shadow: [{ ...surface, roughness: 1, metallic: 0, image: -1 }] },
       }
-      return new VehicleModel({ nodes: [node], images: [], imageNames: [], clouds: -1, strips: null }, [], null)
+      return new VehicleModel({ nodes: [node], images: [], imageNames: [], clouds: -1, strips: null, extent: null }, [], null)
     }
     const [places, tiles] = [new Float32Array(8), new Float32Array(8)]
     const [long, short] = [model(0.5, 0.3), model(0.25, 0.15)]

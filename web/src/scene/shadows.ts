@@ -12,7 +12,6 @@ import {
   LinearFilter,
   Matrix3,
   Matrix4,
-  NearestFilter,
   type Object3D,
   RedFormat,
   Scene,
@@ -82,11 +81,11 @@ export class Shadows {
     private sunHeight: number,
     private readonly extent: number,
   ) {
-    const { stillMap, casterMap, beamMap, softness, isLightweight } = profile
+    const { stillMap, casterMap, beamMap, softness } = profile
     this.targets = {
-      still: softness > 0 ? target(stillMap, isLightweight) : null,
-      caster: softness > 0 ? target(casterMap, isLightweight) : null,
-      beam: beamMap > 0 ? target(2 * beamMap, isLightweight) : null,
+      still: softness > 0 ? target(stillMap) : null,
+      caster: softness > 0 ? target(casterMap) : null,
+      beam: beamMap > 0 ? target(2 * beamMap) : null,
     }
     this.uniforms.still_map.value = this.targets.still?.depthTexture ?? null
     this.uniforms.caster_map.value = this.targets.caster?.depthTexture ?? null
@@ -240,10 +239,10 @@ export class Shadows {
   }
 }
 
-function target(edge: number, isPlain: boolean): WebGLRenderTarget {
+function target(edge: number): WebGLRenderTarget {
   const depthTexture = new DepthTexture(edge, edge, UnsignedIntType)
   depthTexture.compareFunction = LessEqualCompare
-  depthTexture.minFilter = depthTexture.magFilter = isPlain ? NearestFilter : LinearFilter
+  depthTexture.minFilter = depthTexture.magFilter = LinearFilter
   return new WebGLRenderTarget(edge, edge, { depthTexture, format: RedFormat, generateMipmaps: false })
 }
 

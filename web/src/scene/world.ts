@@ -59,6 +59,7 @@ export class World {
     sun_place: { value: new Vector4() },
     dawn: { value: new Vector4() },
     dusk: { value: 0 },
+    extent: { value: new Vector4(-1e9, -1e9, 1e9, 1e9) },
     is_day: { value: 1 },
     caster_count: { value: 0 },
     beam_count: { value: 0 },
@@ -106,6 +107,7 @@ export class World {
     const axes = { sun_from_map: this.sunFromMap }
     this.shared = { ...this.light, ...this.shadows.uniforms, ...this.places, ...lamps, ...axes }
     const map = asset(assets, description.model)
+    if (map.extent) this.light.extent.value.fromArray(map.extent)
     const textures = this.textures(map)
     this.sky = new Sky(this.shared, textures[map.clouds] ?? null)
     const ground = description.ground.map((address) => asset(assets, address))
