@@ -277,8 +277,8 @@ def town(film: Film) -> None:
         film.edit(lambda: film.press("Enter"))
     film.caption("C closes the loop", 1.0)
     film.edit(lambda: film.press("c"))
-    film.caption("The list of problems has the other open ends", 1.0)
-    close = page.get_by_test_id("build-problems").get_by_text("Close the loop").first
+    film.caption("Close all closes the other open ends, too", 1.0)
+    close = page.get_by_test_id("build-close-all")
     close.scroll_into_view_if_needed()
     film.take(1.0)
     film.edit(lambda: film.click_at(close), 1.5)

@@ -62,7 +62,7 @@ def press(tab: Tab, *keys: str) -> None:
 
 
 def set_at(tab: Tab, piece: str, x: float, y: float) -> None:
-    """Take a piece and click there; Escape puts the next one away."""
+    """Take a piece and click there; Escape deletes the next one."""
     tab.click(f"piece-{piece}")
     tab.page.mouse.move(*on_screen(tab, x, y))
     before = len(parts(tab))
@@ -80,7 +80,8 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
         press(building, "Enter")
         wait_for_parts(building, *(f"curved_road_{k}" for k in range(1, number + 1)))
     assert problems(building) == []
-    assert building.get("build").get_by_text("No problems").is_visible()
+    assert building.get("build").get_by_text("No errors").is_visible()
+    assert building.get("build-ends").is_hidden()
     building.wait_until(lambda: building.get("build-set").is_disabled())  # the road is closed: nothing is in hand
     lanes = plane.simulation.world.map.lane_graph.lanes
     assert [len(lane.successors) for lane in lanes] == [1] * 8
@@ -115,15 +116,18 @@ def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServe
     plane.request(EditMap({"a": MapModule("straight_road", 0.0, 0.8), "b": MapModule("straight_road", 0.65, 0.8)}))
     wait_for_parts(building, "a", "b")
     listed = building.get("build-problems").locator("li")
-    building.wait_until(lambda: listed.count() == 3)
+    building.wait_until(lambda: listed.count() == 1)
+    assert building.text("build-ends-state") == "2 open ends"
     apart = listed.and_(building.page.locator("[data-kind=apart]"))
+    assert "A and B do not meet: 5.0 cm" in (apart.text_content() or "")
     apart.get_by_text("Show me").click()
     building.wait_until(lambda: building.text("build-selected").startswith("b"))
     apart.get_by_text("Repair").click()
     building.wait_until(lambda: parts(building)["b"]["x"] == pytest.approx(0.6, abs=1e-6))
-    for left in (1, 0):
-        listed.first.get_by_text("Leave open").click()
-        building.wait_until(lambda left=left: listed.count() == left)
+    building.click("build-leave-open")
+    building.wait_until(lambda: building.get("build-ends").is_hidden())
+    assert parts(building)["a"]["open"] == ["west"]
+    assert parts(building)["b"]["open"] == ["east"]
     building.get("build-car").click()
     building.wait_until(lambda: plane.simulation.undo_name == "place V1")
     x, y = plane.vehicle.pose.position[:2]
@@ -134,6 +138,43 @@ def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServe
     drag(building, on_screen(building, 0.65, 0.9), on_screen(building, -0.56, 0.9))
     building.wait_until(lambda: parts(building)["b"]["x"] == pytest.approx(-0.6, abs=1e-4))
     assert plane.simulation.undo_name == "move b"
+
+
+def test_all_open_ends_are_closed_with_one_click(plane: PageServer, building: Tab) -> None:
+    plane.request(EditMap({"a": MapModule("straight_road", 0.0, 0.8), "b": MapModule("straight_road", 1.2, 0.8)}))
+    wait_for_parts(building, "a", "b")
+    building.wait_for_text("build-ends-state", "4 open ends")
+    building.click("build-close-all")
+    building.wait_until(lambda: building.get("build-ends").is_hidden())
+    assert problems(building) == []
+    assert plane.simulation.undo_name == "close all open ends"
+
+
+def test_a_piece_is_moved_with_the_arrow_keys_and_the_whole_map_is_shown(plane: PageServer, new_tab: NewTab) -> None:
+    plane.request(EditMap({"a": MapModule("straight_road", 0.0, 0.8), "b": MapModule("straight_road", 9.0, 5.0)}))
+    tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=low#build=1")  # the link opens Build mode
+    tab.wait_until(lambda: tab.get("build-bar").is_visible())
+    wait_for_parts(tab, "a", "b")
+    tab.wait_until(lambda: on_screen(tab, 0.0, 0.8) is not None)
+    press(tab, ".", "ArrowRight", "ArrowRight", "Shift+ArrowUp")
+    tab.wait_until(lambda: parts(tab)["a"]["y"] == pytest.approx(0.81))
+    assert parts(tab)["a"]["x"] == pytest.approx(0.2)
+    assert plane.simulation.undo_name == "move a"
+    press(tab, "Home")
+
+    def is_inside(x: float, y: float) -> bool:
+        """Whether a place is shown beside the panel."""
+        at = on_screen(tab, x, y)
+        panel = tab.get("build").bounding_box()
+        assert panel is not None
+        return panel["x"] + panel["width"] < at[0] < 1000 and 50 < at[1] < 570
+
+    tab.wait_until(lambda: is_inside(-0.3, 0.5) and is_inside(9.3, 5.3))
+    press(tab, "Escape", "Escape", "Escape")
+    assert tab.get("build-bar").is_visible()
+    tab.wait_until(lambda: "build=1" in tab.page.url)
+    press(tab, "z")
+    tab.wait_until(lambda: "build" not in tab.page.url)
 
 
 def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServer, building: Tab) -> None:
@@ -181,7 +222,7 @@ def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new
     tap(0.0, 0.9)  # the piece goes there
     tap(0.0, 0.9)  # and is set
     wait_for_parts(tab, "straight_road_1")
-    tab.get("build-remove").tap()  # the next piece is put away
+    tab.get("build-remove").tap()  # the next piece is deleted
     tap(0.3, 0.9)  # an open end offers pieces
     tab.get("piece-curved_road").tap()
     tab.get("build-set").tap()

@@ -82,7 +82,7 @@ def test_a_loop_is_built_changed_and_driven_on_with_keys_only(plane: PageServer,
     tab.wait_until(lambda: tab.get("build-bar").is_visible())
     tab.get("build-template").select_option("empty")
     tab.wait_until(lambda: len(parts(tab)) == 2)
-    advice = tab.get("build-problems").locator("li[data-kind=outside]")
+    advice = tab.get("build-advice").locator("li[data-kind=outside]")
     tab.wait_until(lambda: advice.count() == 1)  # the vehicle stands on the lawn
     tab.get("piece-curved_road").focus()
     press(tab, "Enter")
@@ -109,7 +109,7 @@ def test_a_loop_is_built_changed_and_driven_on_with_keys_only(plane: PageServer,
     tab.wait_until(lambda: advice.count() == 0)
     press(tab, "g")
     tab.wait_until(lambda: tab.text("build-selected") == "4 pieces")
-    press(tab, "Escape", "Escape")
+    press(tab, "z")
     assert tab.get("build-bar").is_hidden()
     x, y = plane.vehicle.pose.position[:2]
     tab.page.keyboard.down("w")

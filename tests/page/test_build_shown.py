@@ -94,7 +94,7 @@ def test_nothing_is_drawn_while_time_stands_and_nothing_changes(plane: PageServe
         change()
         tab.wait_until(lambda before=before: tab.page.evaluate("() => drawn") > before)
         tab.wait_until(is_still)
-    press(tab, "Escape")
+    press(tab, "z")
     tab.wait_until(lambda: tab.get("build-bar").is_hidden())
     assert not is_still()  # outside of Build mode each frame is drawn
 

@@ -145,11 +145,13 @@ canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, tra
 const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
 document.body.append(...edit(store, editor, view, save))
+/** Shows the whole map or race track in Build mode. */
+const showAll = () => (trackBuilder.line ? trackBuilder : builder).showAll()
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
-document.body.append(...build(store, builder, editor, view, files, vehicleEvents))
+document.body.append(...build(store, builder, editor, view, showAll, files, vehicleEvents))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
-listenToBuildKeys(store, builder, editor, () => driver.stop())
+listenToBuildKeys(store, builder, editor, showAll, () => driver.stop())
 listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver, store)
 listenToFlyPointer(store, canvas)

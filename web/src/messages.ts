@@ -353,11 +353,12 @@ export interface UseMap {
  * Close a road: add roads from an open end of the module `part` to an open end of the module `other`, as one edit.
  *
  * Without `port` or `other_port`, any open end of the module; without `other`, the nearest open end that can be
- * reached.
+ * reached. Without `part`, all open ends of the map: roads lead from one to another where they fit, and the ends that
+ * are left get the end of a road.
  */
 export interface CloseLoop {
   type: 'CloseLoop'
-  part: string
+  part?: string
   port?: string
   other?: string
   other_port?: string

@@ -126,6 +126,7 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     quality: { ...quality, write: () => (store.quality.value === store.fallbackQuality ? '' : quality.write()) },
     menu: flag(store.isMenuOpen),
     hud: flag(store.isHudOpen),
+    build: flag(store.isBuilding),
     log: flag(store.isLogOpen),
     map: flag(store.isMapOpen),
     trails: flag(store.areTrailsShown),

@@ -19,7 +19,7 @@ import {
 import { UserFiles } from '../src/building/user_files'
 import { Editor } from '../src/editing/editor'
 import type { Projection } from '../src/editing/outline'
-import type { EditMap, MapModule, MapPort, MapScene, ModuleScene } from '../src/messages'
+import type { EditMap, MapModule, MapPort, MapScene, ModuleScene, Scene } from '../src/messages'
 import { build } from '../src/panels/build'
 import { VehicleEvents } from '../src/panels/vehicle_events'
 import type { Store } from '../src/store'
@@ -72,11 +72,12 @@ function page(map: MapScene = mapOf()) {
   const userFiles = new UserFiles(it.store, actions)
   const files = { userFiles, openFiles: async () => {}, save: yes, mayDiscard: yes }
   const vehicleEvents = new VehicleEvents()
-  document.body.append(...build(it.store, builder, editor, () => null, files, vehicleEvents))
-  listenToBuildKeys(it.store, builder, editor, () => {})
+  const showAll = vi.fn()
+  document.body.append(...build(it.store, builder, editor, () => null, showAll, files, vehicleEvents))
+  listenToBuildKeys(it.store, builder, editor, showAll, () => {})
   it.store.isBuilding.value = true
   opened.push(it.store)
-  return { ...it, builder, vehicleEvents }
+  return { ...it, builder, vehicleEvents, showAll }
 }
 
 function press(code: string, options: KeyboardEventInit = {}): void {
@@ -184,13 +185,13 @@ test('the transform of a drawing puts its corners where they are wanted', () => 
   expect(corners({ x: 0, y: 0, yaw: 0 }, [2, 1])[0]).toEqual([1, 0.5])
 })
 
-test('an open end offers pieces: arrows step, R and M turn, Enter sets, and the road goes on', async () => {
+test('an open end offers pieces: Page Up and Page Down step, R and M turn, Enter sets, and the road goes on', async () => {
   const { socket, builder, store } = page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
   press('KeyN')
   expect(builder.hand.value).toMatchObject({ part: { module: 'curve' }, port: 'west', target: { name: 'east' } })
-  press('ArrowRight')
+  press('PageDown')
   expect(builder.hand.value).toMatchObject({ part: { module: 'parking' } })
-  press('ArrowLeft')
+  press('PageUp')
   press('KeyR')
   expect(builder.hand.value).toMatchObject({ port: 'north' })
   press('KeyM')
@@ -205,6 +206,84 @@ test('an open end offers pieces: arrows step, R and M turn, Enter sets, and the 
   press('Escape')
   expect(builder.hand.value).toBeNull()
   press('Escape')
+  press('Escape')
+  expect(store.isBuilding.value).toBe(true)
+  expect(store.notice.value).toContain('ends Build mode')
+})
+
+function release(code: string): void {
+  document.body.dispatchEvent(new KeyboardEvent('keyup', { code, key: code, bubbles: true }))
+}
+
+test('arrows move the selected piece by 10 cm, with Shift by 1 cm, as one edit when the keys are released', async () => {
+  const road = part('straight', 1, 2)
+  const { socket, builder } = page(mapOf({ road }))
+  builder.select('road')
+  const sent = socket.sent.length
+  press('ArrowRight')
+  press('ArrowRight')
+  press('ArrowDown', { shiftKey: true })
+  builder.moveTo([9, 9], [0, 0], above, false) // the pointer does not take it meanwhile
+  release('ArrowRight')
+  expect(socket.sent.length).toBe(sent)
+  release('ArrowDown')
+  expect(socket.sent.length).toBe(sent + 1)
+  const there = { x: expect.closeTo(1.2), y: expect.closeTo(1.99) }
+  expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: there }, seen: { road } })
+  // a key that is pressed before the simulator has answered moves it on from there
+  press('ArrowUp')
+  release('ArrowUp')
+  expect(socket.sent.length).toBe(sent + 1)
+  socket.receive({ ...sceneOf(['V1']), map_scene: mapOf({ road: part('straight', 1.2, 1.99) }) })
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(socket.sent.length).toBe(sent + 2))
+  expect(socket.request.parts).toMatchObject({ road: { x: expect.closeTo(1.2), y: expect.closeTo(2.09) } })
+  expect(socket.request.seen).toMatchObject({ road: { x: 1.2, y: 1.99 } })
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(builder.hand.value).toBeNull())
+  expect(builder.selected.value).toEqual(['road'])
+})
+
+test('arrows move several selected pieces together, and a new piece in hand, which leaves its open end', async () => {
+  const parts = { a: part('straight', 0, 0), b: part('curve', 3, 0) }
+  const { socket, builder } = page(mapOf(parts, { a: AT_EAST.road }))
+  builder.select('a', 'b')
+  press('ArrowLeft')
+  release('ArrowLeft')
+  expect(socket.request.parts).toMatchObject({ a: { x: expect.closeTo(-0.1) }, b: { x: expect.closeTo(2.9) } })
+  socket.respond('not there')
+  await vi.waitFor(() => expect(builder.hand.value).toBeNull())
+  press('KeyN')
+  const before = builder.hand.value as { part: MapModule }
+  press('ArrowUp')
+  release('ArrowUp')
+  expect(builder.hand.value).toMatchObject({ target: null, part: { y: expect.closeTo(before.part.y + 0.1) } })
+  builder.leave()
+  expect(builder.hand.value).toMatchObject({ part: { y: expect.closeTo(before.part.y + 0.1) } })
+})
+
+test('a piece that is chosen with a key begins at the first open end to which it fits', () => {
+  const { builder } = page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
+  const card = (name: string) => document.querySelector<HTMLElement>(`[data-piece="${name}"]`)
+  card('straight')?.click() // without a pointer
+  expect(builder.hand.value).toMatchObject({ target: { part: 'road', name: 'east' }, part: { x: expect.closeTo(0.6) } })
+  press('Escape')
+  card('lane')?.click()
+  expect(builder.hand.value).toMatchObject({ target: null, part: { module: 'lane' } })
+  press('Escape')
+  card('straight')?.dispatchEvent(new MouseEvent('click', { bubbles: true, detail: 1 }))
+  expect(builder.hand.value).toMatchObject({ target: null })
+})
+
+test('Delete removes the piece in hand, Home shows the whole map, and a replay ends Build mode', () => {
+  const { builder, showAll, socket, store } = page()
+  builder.take('curve', [1, 1])
+  press('Delete')
+  expect(builder.hand.value).toBeNull()
+  press('Home')
+  expect(showAll).toHaveBeenCalledOnce()
+  const timeline = { start: 0, end: 1, marks: [] } as unknown as Scene['timeline']
+  socket.receive({ ...sceneOf(['V1']), timeline })
   expect(store.isBuilding.value).toBe(false)
 })
 
@@ -298,14 +377,8 @@ test('a wall is drawn by points and closed at its first one; a block by two corn
   expect(socket.request.parts).toMatchObject({ block_1: { x: 1, y: -0.5, length: 2, width: 1 } })
 })
 
-test('the palette is searched and shows what fits; problems have a place and a repair', () => {
-  const map = mapOf({ road: part('straight', 0, 0) }, AT_EAST)
-  const repair = { road: { ...part('straight', 0, 0), open: ['east'] } }
-  const text = "placement 1 'road': port 'east' is not connected. Place a module with a port at (0.3, 0)"
-  const { builder, socket } = page({
-    ...map,
-    problems: [{ kind: 'unconnected', text, x: 0.3, y: 0, parts: ['road'], repair, vehicle: '' }],
-  })
+test('the palette is searched and shows what fits', () => {
+  page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
   const visible = () =>
     [...document.querySelectorAll<HTMLElement>('.piece')].filter((one) => !one.hidden).map((one) => one.dataset.piece)
   expect(visible()).toEqual(['curve', 'lane', 'lawn', 'parking', 'straight', 'wall', 'block', 'sign-stop'])
@@ -316,13 +389,52 @@ test('the palette is searched and shows what fits; problems have a place and a r
   if (search) search.value = 'curv'
   search?.dispatchEvent(new Event('input'))
   expect(visible()).toEqual(['curve'])
-  const item = document.querySelector('.problems li')
-  expect(item?.textContent).toContain("road: port 'east' is not connected.")
-  const [show, leave] = [...(item?.querySelectorAll('button') ?? [])]
+})
+
+const shownText = (testid: string) => document.querySelector(`[data-testid="${testid}"]`)?.textContent
+const click = (testid: string) => document.querySelector<HTMLElement>(`[data-testid="${testid}"]`)?.click()
+
+test('errors have words, a place and a repair; open ends are no errors', () => {
+  const parts = { road_1: part('straight', 0, 0), road_2: part('straight', 0.65, 0) }
+  const repair = { road_2: { ...parts.road_2, x: 0.6 } }
+  const at = { x: 0.3, y: 0, vehicle: '' }
+  const { builder, socket } = page({
+    ...mapOf(parts, AT_EAST),
+    problems: [
+      { kind: 'apart', text: '', parts: ['road_1', 'road_2'], repair, ...at },
+      { kind: 'blocked', text: '', parts: ['wall_1', 'road_1'], repair: {}, ...at },
+      { kind: 'unconnected', text: '', parts: ['road_1'], repair: {}, ...at },
+    ],
+  })
+  const items = [...document.querySelectorAll('[data-testid="build-problems"] li')]
+  expect(items.map((item) => item.querySelector('span')?.textContent)).toEqual([
+    'Road 1 and Road 2 do not meet: 5.0 cm are between their ends.',
+    'Wall 1 stands on a lane of Road 1. Move it.',
+  ])
+  expect(document.querySelector('.checks h2')?.textContent).toBe('2 errors')
+  const [show, mend] = [...items[0].querySelectorAll('button')]
   show.click()
-  expect(builder.selected.value).toEqual(['road'])
-  leave.click()
+  expect(builder.selected.value).toEqual(['road_2'])
+  mend.click()
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: repair })
+  expect(shownText('build-ends-state')).toBe('1 open end')
+})
+
+test('all open ends are closed, shown one after the other, or may stay open', async () => {
+  const road = part('straight', 0, 0)
+  const ports = { road: { east: port(0.3, 0, 0), west: port(-0.3, 0, Math.PI) } }
+  const { builder, socket, store } = page(mapOf({ road }, ports))
+  expect(shownText('build-ends-state')).toBe('2 open ends')
+  expect(document.querySelector('.checks h2')?.textContent).toBe('No errors')
+  click('build-leave-open')
+  expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: { open: ['east', 'west'] } } })
+  click('build-next-end')
+  expect(builder.hand.value).toMatchObject({ target: { name: 'east' } })
+  click('build-close-all')
+  expect(socket.request).toMatchObject({ type: 'CloseLoop', part: '' })
+  socket.receive({ ...sceneOf(['V1']), map_scene: mapOf({ road }, AT_EAST) })
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(store.warning.value).toContain('1 open end is left'))
 })
 
 test('advice on a vehicle beside the road stays until the vehicle is back on a road', () => {

@@ -420,10 +420,11 @@ class CloseLoop(msgspec.Struct, frozen=True, tag=True):
     """Close a road: add roads from an open end of the module `part` to an open end of the module `other`, as one edit.
 
     Without `port` or `other_port`, any open end of the module; without `other`, the nearest open end that can be
-    reached.
+    reached. Without `part`, all open ends of the map: roads lead from one to another where they fit, and the ends that
+    are left get the end of a road.
     """
 
-    part: Name
+    part: Name = ""
     port: Name = ""
     other: Name = ""
     other_port: Name = ""

@@ -90,3 +90,29 @@ def test_a_town_without_open_ends_says_so() -> None:
     made.ask(EditMap({"w": MapModule("dead_end", 4.0, 4.0)}))
     with pytest.raises(CommandError, match="there is no other open end"):
         made.ask(CloseLoop("w"))
+
+
+def test_all_open_ends_are_closed_as_one_edit_the_nearest_first_and_the_rest_by_dead_ends() -> None:
+    made = building(
+        **dict(list(CURVES.items())[1:]),
+        a=MapModule("straight_road", 4.0, 4.0),
+        b=MapModule("straight_road", 5.2, 4.0),
+        t=MapModule("three_way_intersection", -4.0, 4.0),
+    )
+    ends = sum(port.state == "free" for ports in made.scene.ports.values() for port in ports.values())
+    assert ends == 9
+    made.ask(CloseLoop())
+    assert [problem.text for problem in made.scene.problems] == []
+    assert made.simulation.undo_name == "close all open ends"
+    new = [part.module for name, part in made.scene.parts.items() if name not in CURVES and name not in "abt"]
+    assert "straight_road" in new  # between a and b
+    assert "dead_end" in new  # the third end of the intersection has no other
+    made.ask(Undo())
+    assert {*made.scene.parts} == {*CURVES, "a", "b", "t"} - {"curve_0"}
+
+
+def test_a_map_without_open_ends_has_nothing_to_close() -> None:
+    made = Building()
+    made.ask(UseMap("oval"))
+    with pytest.raises(CommandError, match="the map has no open end"):
+        made.ask(CloseLoop())

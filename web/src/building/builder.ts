@@ -1,5 +1,6 @@
 // Build mode: the piece in hand, the selected part, and the requests that change the map.
 import { type Actions, sentence } from '../actions'
+import { keyText } from '../driving/key_caps'
 import type { Point, Projection } from '../editing/outline'
 import { saveText } from '../editing/save_text'
 import type { MapModule, MapPart, MapProblem, MapProp, MapScene, ModuleScene, ServerOperation } from '../messages'
@@ -8,6 +9,7 @@ import { stem } from '../scenario_title'
 import type { Store } from '../store'
 import { MAX_FILE } from './bytes'
 import {
+  areaAround,
   connectedParts,
   fittingModules,
   fittingPorts,
@@ -19,6 +21,7 @@ import {
   middleOf,
   mirrorPort,
   movedPart,
+  outlineOf,
   type PortPlace,
   type Pose,
   portAt,
@@ -48,6 +51,10 @@ interface Placed {
   isSet: boolean
 }
 
+/** Steps of the arrow keys, with and without Shift [m]. */
+const STEP = { coarse: 0.1, fine: 0.01 }
+/** Around the map when all of it is shown [m]. */
+const MARGIN = 0.5
 const QUARTER = Math.PI / 2
 const TURN = Math.PI / 12
 /** Parts that one edit may change. */
@@ -64,12 +71,16 @@ export class Builder {
   readonly placed = new Observable<readonly Placed[]>([])
   /** Names that this page has used, also of parts that the simulator has not added yet. */
   private readonly taken = new Set<string>()
+  /** Whether the selected parts are in hand because arrow keys move them. */
+  private isNudged = false
+  private isSettling = false
 
   constructor(
     private readonly store: Store,
     private readonly actions: Actions,
   ) {
-    store.scene.watch(() => {
+    store.scene.watch((scene) => {
+      if (scene?.timeline) store.isBuilding.value = false // a replay cannot be changed
       const left = this.selected.value.filter((name) => this.scene?.parts[name])
       if (left.length < this.selected.value.length) this.selected.value = left
     })
@@ -123,6 +134,17 @@ export class Builder {
       ...{ kind: 'module', moved: '', target: null, end: null, port: Object.keys(module.ports)[0] ?? '' },
       part: { ...plain(name), x: at[0], y: at[1], ...size },
     }
+  }
+
+  /** Takes a new module at the first open end to which it fits; without one, at a place. */
+  takeAtEnd(name: string, at: Point): void {
+    const module = this.scene?.modules[name]
+    const ends = this.scene ? freePorts(this.scene).filter(({ state }) => state !== 'open') : []
+    const end = module && ends.find(({ width }) => fittingPorts(module, width).length > 0)
+    this.select()
+    if (end) this.join(name, end, this.portAfter(name, end))
+    else this.take(name, at)
+    if (end) this.actions.view?.showPlace(end.x, end.y)
   }
 
   takeProp(kind: string, at: Point): void {
@@ -248,6 +270,7 @@ export class Builder {
   /** Moves what is in hand to a point of the ground; it snaps to a port near the pointer unless it `isFree`. */
   moveTo(ground: Point, pointer: Point, project: Projection, isFree: boolean): void {
     const hand = this.hand.value
+    if (this.isNudged) return
     const shiftOf = (part: MapPart): Point => [ground[0] - originOf(part)[0], ground[1] - originOf(part)[1]]
     switch (hand?.kind) {
       case 'wall':
@@ -274,6 +297,40 @@ export class Builder {
     }
   }
 
+  /** Moves what is in hand, or the selected parts, by a step of the arrow keys along x and y; then `settle`. */
+  nudge(right: number, up: number, isFine: boolean): void {
+    if (!this.hand.value && this.selected.value.length > 0) {
+      this.lift()
+      this.isNudged = true
+    }
+    const step = isFine ? STEP.fine : STEP.coarse
+    const [dx, dy] = [right * step, up * step]
+    const hand = this.hand.value
+    switch (hand?.kind) {
+      case 'group':
+        this.hand.value = { ...hand, shift: [hand.shift[0] + dx, hand.shift[1] + dy] }
+        break
+      case 'part':
+        this.hand.value = { ...hand, part: movedPart(hand.part, dx, dy) }
+        break
+      case 'module':
+        this.hand.value = { ...hand, target: null, end: null, part: movedPart(hand.part, dx, dy) as MapModule }
+    }
+  }
+
+  /** Sets the selected parts where the arrow keys have moved them: one edit for all steps until the keys are released. */
+  async settle(): Promise<void> {
+    if (!this.isNudged || this.isSettling) return
+    this.isSettling = true
+    let hand = this.hand.value
+    for (let isSet = true; isSet && hand; hand = this.hand.value) {
+      const parts = hand.kind === 'group' ? mapped(hand.parts, shifterOf(hand.shift)) : partsOf(hand)
+      isSet = await this.put(parts)
+      if (!isSet || this.hand.value === hand) this.hand.value = null // otherwise keys have moved them on meanwhile
+    }
+    this.isSettling = this.isNudged = false
+  }
+
   /** The pointer has left the scene, for a button or another piece: the piece in hand is at its open end again. */
   leave(): void {
     const hand = this.inHand('module')
@@ -293,6 +350,7 @@ export class Builder {
   /** Sets what is in hand; a joined road then goes on at its other end. */
   async set(): Promise<void> {
     const hand = this.hand.value
+    if (this.isNudged) return this.settle()
     switch (hand?.kind) {
       case 'wall':
         return this.setWall(hand.points, false)
@@ -305,7 +363,7 @@ export class Builder {
   }
 
   private async setGroup({ parts, shift }: HandOf<'group'>): Promise<void> {
-    const isSet = this.put(mapped(parts, (part) => movedPart(part, ...shift)))
+    const isSet = this.put(mapped(parts, shifterOf(shift)))
     this.hand.value = null
     if (await isSet) this.selected.value = Object.keys(parts)
   }
@@ -323,11 +381,11 @@ export class Builder {
     if (!isSet && !hand.moved && this.hand.value === after) this.hand.value = hand
   }
 
-  /** Puts the piece in hand away; without one, forgets the selection; without that, leaves Build mode. */
+  /** Deletes the piece in hand that is not set yet; a piece that is moved goes back; without one, selects nothing. */
   cancel(): void {
     if (this.hand.value) this.hand.value = null
     else if (this.selected.value.length > 0) this.selected.value = []
-    else this.store.isBuilding.value = false
+    else this.store.notice.value = keyText('Done, or the key {KeyZ}, ends Build mode.')
   }
 
   select(...names: string[]): void {
@@ -380,6 +438,38 @@ export class Builder {
     await this.request({ type: 'CloseLoop', part: port.part, port: port.name, other: '', other_port: '' })
   }
 
+  /** Closes all open ends as one edit; says how many are left. */
+  async closeAll(): Promise<void> {
+    this.select()
+    if (!(await this.request({ type: 'CloseLoop', part: '', port: '', other: '', other_port: '' }))) return
+    const left = this.openEnds.length
+    const ends = left === 1 ? '1 open end is' : `${left} open ends are`
+    if (left > 0) this.store.warning.value = `${ends} left: no road fits there. Make room, or let it stay open.`
+  }
+
+  /** Lets all open ends stay open, as one edit. */
+  leaveOpen(): Promise<boolean> {
+    const parts: Record<string, MapPart> = {}
+    for (const { part: name, name: port } of this.openEnds) {
+      const part = parts[name] ?? this.scene?.parts[name]
+      if (part?.type !== 'MapModule' || part.open === true) continue
+      parts[name] = { ...part, open: [...(part.open || []), port] }
+    }
+    return this.put(parts)
+  }
+
+  /** The ends that have no neighbour and may not stay open. */
+  get openEnds(): PortPlace[] {
+    return this.scene ? portsOf(this.scene).filter(({ state }) => state === 'free') : []
+  }
+
+  /** Shows the whole map. */
+  showAll(): void {
+    const { scene } = this
+    const area = scene && areaAround(Object.values(scene.parts).flatMap((part) => [...outlineOf(part, scene)]))
+    if (area) this.actions.view?.showArea(area[0], area[1], area[2] + MARGIN)
+  }
+
   // -- parts of the map ----------------------------------------------------------------------------------------
 
   /** Takes the selected parts in hand to move them. */
@@ -414,8 +504,10 @@ export class Builder {
     }
   }
 
+  /** Deletes the selected parts, or the piece in hand. */
   async remove(): Promise<void> {
     const { parts } = this
+    this.hand.value = null
     if (this.selected.value.length > 0 && (await this.put(mapped(parts, () => null)))) this.select()
   }
 
@@ -596,6 +688,15 @@ function stemOf(part: MapPart): string {
   if (part.type === 'MapProp') return part.kind
   if (part.type === 'MapWall') return 'wall'
   return part.type === 'MapModule' ? stem(part.module.replace(/^.*\//, '')) : 'block'
+}
+
+/** The part in hand, by its name in the map. */
+function partsOf(hand: Hand): Record<string, MapPart> {
+  return 'moved' in hand ? { [hand.moved]: hand.part } : {}
+}
+
+function shifterOf(shift: Point): (part: MapPart) => MapPart {
+  return (part) => movedPart(part, ...shift)
 }
 
 /** Where a part is. */

@@ -193,6 +193,14 @@ export function middleOf(parts: readonly MapPart[], scene: MapScene): Point {
   return [0.5 * (Math.min(...xs) + Math.max(...xs)), 0.5 * (Math.min(...ys) + Math.max(...ys))]
 }
 
+/** The middle of an area that contains all points, and its width [m] for a camera that shows it from the south. */
+export function areaAround(points: readonly Point[]): [x: number, y: number, width: number] | null {
+  if (points.length === 0) return null
+  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
+  const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)]
+  return [0.5 * (x0 + x1), 0.5 * (y0 + y1), Math.max(x1 - x0, 1.8 * (y1 - y0))]
+}
+
 /** Names of the modules that are joined with one, directly or not, and its own name. */
 export function connectedParts(scene: MapScene, start: string): string[] {
   const joined = portsOf(scene).filter(({ state }) => state === 'joined')

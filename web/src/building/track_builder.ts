@@ -4,11 +4,14 @@ import type { Point } from '../editing/outline'
 import type { ServerOperation, TrackLine, TrackScene } from '../messages'
 import { Observable } from '../observable'
 import type { Store } from '../store'
+import { areaAround } from './fitting'
 import { insertedAt, MAX_POINTS, MIN_POINTS, POINT_GAP, shapeOf } from './track_line'
 
 /** The half axes of a new track [m]. */
 const [LENGTH, HEIGHT] = [11, 7]
 const COUNT = 12
+/** Around the track when all of it is shown [m]. */
+const MARGIN = 3
 /** Steps of the arrow keys, with and without Shift [m]. */
 const STEP = { coarse: 0.5, fine: 0.1 }
 
@@ -45,6 +48,12 @@ export class TrackBuilder {
 
   get isActive(): boolean {
     return this.store.isBuilding.value && this.line !== null
+  }
+
+  /** Shows the whole track. */
+  showAll(): void {
+    const area = areaAround(this.line?.points ?? [])
+    if (area) this.actions.view?.showArea(area[0], area[1], area[2] + MARGIN)
   }
 
   /** Starts a new track: an oval around the origin. */

@@ -1,5 +1,6 @@
 // Build mode: its bar of buttons, and the panel with the pieces, the problems and the selected part.
 import type { Builder } from '../building/builder'
+import { wrapped } from '../building/fitting'
 import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
 import type { MapModule, MapProblem, MapScene } from '../messages'
@@ -9,8 +10,8 @@ import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
 import { barButton, nameEdit, numberField } from './edit'
 import { h, setText } from './element'
-import { choice, labelled, section, setOptions } from './fields'
-import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
+import { choice, errorCount, labelled, section, setOptions } from './fields'
+import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, SHOW_ALL, TURN_LEFT, UNDO } from './icons'
 import { busy } from './pending'
 import { saveMap } from './save_dialog'
 import type { VehicleEvents } from './vehicle_events'
@@ -37,11 +38,12 @@ export function build(
   builder: Builder,
   editor: Editor,
   view: () => SceneView | null,
+  showAll: () => void,
   files: Files,
   vehicleEvents: VehicleEvents,
 ): HTMLElement[] {
   const isPanelOpen = new Observable(innerWidth > NARROW)
-  const buttons = bar(store, builder, editor, isPanelOpen, files)
+  const buttons = bar(store, builder, editor, isPanelOpen, showAll, files)
   const details = panel(store, builder, view, isPanelOpen, files, vehicleEvents)
   const show = (): void => {
     const isBuilding = store.isBuilding.value
@@ -66,6 +68,7 @@ function bar(
   builder: Builder,
   editor: Editor,
   isPanelOpen: Observable<boolean>,
+  showAll: () => void,
   files: Files,
 ): HTMLElement {
   const buttons = {
@@ -86,11 +89,12 @@ function bar(
       'build-remove',
       'Delete',
       REMOVE,
-      'Delete the selected piece (Delete), or put away the piece in hand (Escape)',
-      () => (builder.hand.value ? builder.cancel() : void builder.remove()),
+      'Delete the selected pieces, or the piece in hand (Delete)',
+      () => void builder.remove(),
     ),
     undo: barButton('build-undo', 'Undo', UNDO, '', () => void busy(buttons.undo, () => editor.undo())),
     redo: barButton('build-redo', 'Redo', REDO, '', () => void busy(buttons.redo, () => editor.redo())),
+    all: barButton('build-all', 'Show all', SHOW_ALL, 'Show the whole map (Home)', showAll),
     save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
     details: barButton('build-details', 'Panel', DETAILS, 'Show the pieces and the problems', () => {
       isPanelOpen.value = !isPanelOpen.value
@@ -138,8 +142,8 @@ function panel(
     'aside',
     { class: 'panel menu edit build', id: 'build', testid: 'build', 'aria-label': 'Build' },
     selection(store, builder),
-    pieces(store, builder, view, isPanelOpen),
     problems(store, builder, vehicleEvents),
+    pieces(store, builder, view, isPanelOpen),
     start(store, builder, files),
   )
 }
@@ -164,10 +168,10 @@ function pieces(
   )
   let shown: MapScene['modules'] | null = null
 
-  function card(id: string, title: string, image: HTMLElement | null, use: () => void): HTMLElement {
-    const onclick = (): void => {
+  function card(id: string, title: string, image: HTMLElement | null, use: (isByKey: boolean) => void) {
+    const onclick = ({ detail }: MouseEvent): void => {
       button.blur() // Enter then sets the piece
-      use()
+      use(detail === 0)
       if (innerWidth <= NARROW) isPanelOpen.value = false
     }
     const button = h('button', { class: 'piece', testid: `piece-${id}`, title, onclick }, image, h('span', {}, title))
@@ -178,9 +182,10 @@ function pieces(
   function fill(scene: MapScene): void {
     const modules = Object.entries(scene.modules).map(([name, { title, image }]) => {
       const drawing = h('img', { src: sceneUrl(image).href, alt: '', loading: 'lazy' })
-      return card(name, title, drawing, () => {
+      return card(name, title, drawing, (isByKey) => {
         const hand = builder.hand.value
         if (hand?.kind === 'module' && hand.target && !hand.moved) builder.change(name)
+        else if (isByKey) builder.takeAtEnd(name, middle())
         else builder.take(name, middle())
       })
     })
@@ -290,10 +295,13 @@ function selection(store: Store, builder: Builder): HTMLElement {
   return element
 }
 
-/** What is wrong with the map, with the place and, where it is known, the repair. */
+/** What is wrong with the map, with the place and, where it is known, the repair; then its open ends, and advice. */
 function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents): HTMLElement {
-  const list = h('ul', { class: 'problems', testid: 'build-problems' })
-  const element = section('Problems', list)
+  const errors = h('ul', { class: 'problems', testid: 'build-problems' })
+  const advice = h('ul', { class: 'problems', testid: 'build-advice' })
+  const ends = openEnds(store, builder)
+  const element = section('No errors', errors, ends, advice)
+  element.classList.add('checks')
   const heading = element.querySelector('h2')
   /** Whether a vehicle of the advice is still off the road: it stands where it stood, or has not come back. */
   const isTrue = ({ kind, x, y, vehicle }: MapProblem): boolean => {
@@ -301,31 +309,86 @@ function problems(store: Store, builder: Builder, vehicleEvents: VehicleEvents):
     const at = store.frame.value?.vehicles[vehicle]?.pose.position
     return !!at && (Math.hypot(at[0] - x, at[1] - y) < NEAR || vehicleEvents.isOffRoad(vehicle))
   }
+  const itemOf = (problem: MapProblem): HTMLElement => {
+    const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
+    const repair = h('button', { onclick: () => void busy(repair, () => builder.repair(problem)) }, 'Repair')
+    const isKnown = Object.keys(problem.repair).length > 0
+    const row = h('div', { class: 'row' }, show, isKnown && repair)
+    const item = h('li', {}, h('span', {}, problemText(problem, builder.scene?.parts ?? {})), row)
+    item.dataset.kind = problem.kind
+    return item
+  }
   let shown: readonly MapProblem[] | null = null
   const show = (): void => {
     const map = store.scene.value?.map_scene
-    const found = map?.problems ?? []
-    const all = [...found, ...(map?.advice ?? []).filter(isTrue)]
+    const wrong = (map?.problems ?? []).filter(({ kind }) => kind !== 'unconnected')
+    const hints = (map?.advice ?? []).filter(isTrue)
+    const all = [...wrong, ...hints]
     if (all.length === shown?.length && all.every((one, i) => one === shown?.[i])) return
     shown = all
-    if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
-    list.replaceChildren(
-      ...all.map((problem) => {
-        const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
-        const label = problem.kind === 'unconnected' ? 'Leave open' : 'Repair'
-        const repair = h('button', { onclick: () => void busy(repair, () => builder.repair(problem)) }, label)
-        const close = h('button', { onclick: () => void busy(close, () => builder.closeAt(problem)) }, 'Close the loop')
-        const isKnown = Object.keys(problem.repair).length > 0
-        const row = h('div', { class: 'row' }, show, isKnown && repair, problem.kind === 'unconnected' && close)
-        const item = h('li', {}, h('span', {}, shortened(problem.text)), row)
-        item.dataset.kind = problem.kind
-        return item
-      }),
-    )
+    if (heading) setText(heading, errorCount(wrong.length))
+    element.toggleAttribute('data-wrong', wrong.length > 0)
+    errors.replaceChildren(...wrong.map(itemOf))
+    advice.replaceChildren(...hints.map(itemOf))
   }
   store.scene.watch(show)
   store.status.watch(show)
   return element
+}
+
+/** How many ends of roads are open, and what can be done with all of them. */
+function openEnds(store: Store, builder: Builder): HTMLElement {
+  const text = h('span', { testid: 'build-ends-state', role: 'status' })
+  const close = h(
+    'button',
+    { testid: 'build-close-all', onclick: () => void busy(close, () => builder.closeAll()) },
+    'Close all',
+  )
+  const next = h('button', { testid: 'build-next-end', onclick: () => builder.nextPort() }, 'Show me')
+  const leave = h(
+    'button',
+    { testid: 'build-leave-open', onclick: () => void busy(leave, () => builder.leaveOpen()) },
+    'Leave open',
+  )
+  close.title = 'Add roads from end to end; an end that no road reaches gets a dead end'
+  next.title = 'Go to the next open end, where a piece can be set ({KeyN})'
+  leave.title = 'The road may end there'
+  const element = h(
+    'div',
+    { class: 'open-ends', testid: 'build-ends' },
+    text,
+    h('div', { class: 'row' }, close, next, leave),
+  )
+  store.scene.watch(() => {
+    const count = builder.openEnds.length
+    element.hidden = count === 0
+    setText(text, count === 1 ? '1 open end' : `${count} open ends`)
+  })
+  return element
+}
+
+/** A problem of the map in words. */
+function problemText({ kind, text, parts: names, repair }: MapProblem, parts: MapScene['parts']): string {
+  const [a, b = ''] = names.map(words)
+  const [before, after] = [parts[names[1]], repair[names[1]]]
+  const isKnown = before && before.type !== 'MapWall' && after && after.type !== 'MapWall'
+  const gap = isKnown ? Math.hypot(after.x - before.x, after.y - before.y) : 0
+  const turn = isKnown ? Math.abs(wrapped(after.yaw - before.yaw)) / DEGREE : 0
+  switch (kind) {
+    case 'apart':
+      return `${a} and ${b} do not meet: ${(100 * gap).toPrecision(2)} cm are between their ends.`
+    case 'turned':
+      return `${b} does not go straight on from ${a}: it is turned by ${turn.toPrecision(2)}°.`
+    case 'width':
+      return `${a} and ${b} do not fit together: ${/lanes/.test(text) ? 'they have different numbers of lanes' : 'one road is wider'}.`
+    case 'overlap':
+    case 'solids':
+      return b ? `${a} lies on ${b}. Move one of them.` : shortened(text)
+    case 'blocked':
+      return `${a} stands on a lane of ${b}. Move it.`
+    default:
+      return shortened(text)
+  }
 }
 
 /** Maps of the simulator and files to start from. */
@@ -362,12 +425,9 @@ function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscar
   return section('Start from', select, own, h('div', { class: 'row' }, open, file))
 }
 
-/** The problem without the advice for a file. */
+/** The problem without its place in a file. */
 function shortened(text: string): string {
-  return text
-    .replace(/^placement \d+ '(.+?)': /, '$1: ')
-    .replace(/placement \d+ (?=')/g, '')
-    .replace(/ Place a module with a port at .*$/s, '')
+  return text.replace(/^placement \d+ '(.+?)': /, '$1: ').replace(/placement \d+ (?=')/g, '')
 }
 
 function words(name: string): string {

@@ -70,3 +70,9 @@ export function segments<T extends string>(
     },
   }
 }
+
+/** The heading above a list of errors. */
+export function errorCount(count: number): string {
+  if (count === 0) return 'No errors'
+  return count === 1 ? '1 error' : `${count} errors`
+}

@@ -6,19 +6,12 @@ import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
 import { numberField } from './edit'
 import { h, setText } from './element'
-import { choice, labelled, section, setOptions } from './fields'
+import { choice, errorCount, labelled, section, setOptions } from './fields'
 import { busy } from './pending'
 
 /** The sections; those of modules are hidden while the map is a race track. */
 export function track(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement[] {
-  /** Shows the whole track. */
-  const showAll = (): void => {
-    const places = builder.line?.points ?? []
-    const [x, y] = [0, 1].map((k) => places.map((point) => point[k]))
-    const [x0, x1, y0, y1] = [Math.min(...x), Math.max(...x), Math.min(...y), Math.max(...y)]
-    if (places.length > 0) view()?.showArea(0.5 * (x0 + x1), 0.5 * (y0 + y1), Math.max(x1 - x0, 1.8 * (y1 - y0)) + 3)
-  }
-  const elements = [shape(store, builder, showAll), faults(store, builder, view), start(store, builder, showAll)]
+  const elements = [faults(store, builder, view), shape(store, builder), start(store, builder)]
   const show = (): void => {
     const isTrack = builder.line !== null
     elements[0].hidden = elements[1].hidden = !isTrack
@@ -27,12 +20,12 @@ export function track(store: Store, builder: TrackBuilder, view: () => SceneView
   store.scene.watch(show)
   store.isBuilding.watch((isBuilding) => {
     show()
-    if (isBuilding) queueMicrotask(showAll) // when the panel is there, beside which it is shown
+    if (isBuilding) queueMicrotask(() => builder.showAll()) // when the panel is there, beside which it is shown
   })
   return elements
 }
 
-function shape(store: Store, builder: TrackBuilder, showAll: () => void): HTMLElement {
+function shape(store: Store, builder: TrackBuilder): HTMLElement {
   const state = h('p', { testid: 'track-state', role: 'status' })
   const width = numberField('track-width', {
     ...{ step: 0.1, min: 0.2, max: 50 },
@@ -71,7 +64,6 @@ function shape(store: Store, builder: TrackBuilder, showAll: () => void): HTMLEl
     labelled('Barrier', barrier),
     h('div', { class: 'row' }, add, remove),
     h('div', { class: 'row' }, here, reverse),
-    h('div', { class: 'row' }, h('button', { testid: 'track-all', onclick: showAll }, 'Show all')),
     h('p', { class: 'edit-hint' }, hint),
   )
 }
@@ -79,15 +71,16 @@ function shape(store: Store, builder: TrackBuilder, showAll: () => void): HTMLEl
 /** What is wrong with the track that is shown, also while a point is dragged. */
 function faults(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement {
   const list = h('ul', { class: 'problems', testid: 'track-problems' })
-  const element = section('Problems', list)
+  const element = section('', list)
+  element.classList.add('checks')
   const heading = element.querySelector('h2')
 
   function show(): void {
     const { line } = builder
     const found = line ? shapeOf(line).faults : []
     // a hidden heading must not be found as the one of the modules
-    const text = found.length > 0 ? `Problems (${found.length})` : 'No problems'
-    if (heading) setText(heading, line ? text : '')
+    if (heading) setText(heading, line ? errorCount(found.length) : '')
+    element.toggleAttribute('data-wrong', found.length > 0)
     list.replaceChildren(
       ...found.map((fault) => {
         const look = (): void => {
@@ -107,11 +100,11 @@ function faults(store: Store, builder: TrackBuilder, view: () => SceneView | nul
   return element
 }
 
-function start(store: Store, builder: TrackBuilder, showAll: () => void): HTMLElement {
+function start(store: Store, builder: TrackBuilder): HTMLElement {
   const seed = numberField('track-seed', { step: 1, min: 0, value: 1 })
   const length = numberField('track-length', { step: 5, min: 15, max: 100, value: 60 })
   const make = async (made: Promise<boolean>): Promise<void> => {
-    if (await made) showAll()
+    if (await made) builder.showAll()
   }
   const fresh = h(
     'button',

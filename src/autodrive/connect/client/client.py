@@ -397,8 +397,11 @@ class Client:
         """Replace the map by one of the simulator, see `scene.map_scene.templates`, or by that of a file's text."""
         return self.connection.request(UseMap(name, text))
 
-    def close_loop(self, part: str, port: str = "", other: str = "", other_port: str = "") -> Frame:
-        """Add roads from an open end of a module to the nearest other one, or to one of `other`. See `CloseLoop`."""
+    def close_loop(self, part: str = "", port: str = "", other: str = "", other_port: str = "") -> Frame:
+        """Add roads from an open end of a module to the nearest other one, or one of `other`; without `part`, at all.
+
+        See `CloseLoop`.
+        """
         return self.connection.request(CloseLoop(part, port, other, other_port))
 
     def edit_track(self, track: TrackLine, *, seen: TrackLine | None = None) -> Frame:

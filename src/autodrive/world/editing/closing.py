@@ -1,21 +1,25 @@
-"""The edit that closes a road between two open ends of the map of a World."""
+"""The edits that close a road between two open ends of the map of a World, and that close all open ends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
 
 from autodrive.base.errors import CommandError
 from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import CloseLoop, EditMap, MapModule, MapPart
 from autodrive.scenario import kinds
 from autodrive.scenario.files import read_module
-from autodrive.scenario.maps.closing import closing_chain
+from autodrive.scenario.maps.closing import GAP, closing_chain
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.placing import PORT_TOLERANCE, PlacedPort
+from autodrive.scenario.maps.shapes import moved, rectangle
 from autodrive.scenario.maps.spec import Placement
 from autodrive.world.editing.map_edits import own_map, parts_of
 
@@ -24,20 +28,23 @@ if TYPE_CHECKING:
 
 MAX_PAIRS = 3
 """Pairs of ends that are tried, the nearest ones first: each can cost half a second."""
+MAX_MISSES = 6
+"""Pairs without a chain after which the remaining ends get no roads, if all ends are closed."""
 
 End: TypeAlias = tuple[str, PlacedPort]
 """An open end: name of its module, and port."""
 
 
 def closing_edit(world: World, edit: CloseLoop) -> EditMap:
-    """The modules that connect two open ends. Raises `CommandError` if there are no such ends or no such modules."""
+    """The modules that connect two open ends, or that close all of them if the edit names no part.
+
+    Raises `CommandError` if there are no such ends or no such modules.
+    """
     own_map(world.specs)
+    if not edit.part:
+        return EditMap(dict(_named(world, _closing_all(world))))
     pairs = sorted(_pairs(world, edit), key=lambda pair: (_distance(*pair), pair[0][0], pair[1][0]))
-    solids = [
-        placed.footprint for placed in world.map.modules if placed.module.spec.type not in {"terrain", "obstruction"}
-    ]
-    solids += [static.plan for static in world.map.statics]
-    modules = _modules(world)
+    solids, modules = _solids(world), _modules(world)
     misses: list[tuple[End, End, tuple[float, float]]] = []
     for start, end in pairs[:MAX_PAIRS]:
         chain = closing_chain(start[1], end[1], modules, solids)
@@ -48,16 +55,80 @@ def closing_edit(world: World, edit: CloseLoop) -> EditMap:
     raise CommandError(_why_not(pairs, misses))
 
 
+def _closing_all(world: World) -> tuple[Placement, ...]:
+    """Roads between open ends, the nearest ends first, then the end of a road where no chain of roads leads on."""
+    ends, modules, solids = list(_ends(world)), _modules(world), _solids(world)
+    if not ends:
+        raise CommandError("the map has no open end")
+    pairs = [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :] if _fit(a[1], b[1])]
+    placements: list[Placement] = []
+    closed: set[tuple[str, str]] = set()
+    misses = 0
+    for start, end in sorted(pairs, key=lambda pair: (_distance(*pair), pair[0][0], pair[1][0])):
+        if misses == MAX_MISSES:
+            break
+        if closed & {_key(start), _key(end)}:
+            continue
+        chain = closing_chain(start[1], end[1], modules, solids).placements
+        misses += not chain
+        placements += chain
+        solids += [_footprint(placement, modules) for placement in chain]
+        closed |= {_key(start), _key(end)} if chain else set()
+    for end in ends:
+        last = None if _key(end) in closed else _road_end(end[1], modules, solids)
+        if last:
+            placements.append(last)
+            solids.append(_footprint(last, modules))
+    if not placements:
+        raise CommandError("no roads fit at the open ends: make room there, or let the ends stay open")
+    return tuple(placements)
+
+
+def _road_end(port: PlacedPort, modules: Mapping[str, ModuleSpec], solids: Sequence[BaseGeometry]) -> Placement | None:
+    """A road with one port, such as a dead end, which is joined to a port; None if none fits there."""
+    for name, spec in sorted(modules.items()):
+        ports = [each for each in spec.ports.values() if not each.is_blind]
+        is_road = spec.type == "road" and len(ports) == 1
+        if not is_road or abs(ports[0].width - port.width) > PORT_TOLERANCE or ports[0].lanes != port.lanes:
+            continue
+        yaw = port.pose[2] + math.pi - math.radians(ports[0].yaw_deg)
+        x, y = moved(np.array([[-ports[0].x, -ports[0].y]]), (*port.pose[:2], yaw))[0].tolist()
+        yaw_deg = round(math.degrees(math.remainder(yaw, 2.0 * math.pi)), 6)
+        placement = Placement(module=name, x=round(x, 6), y=round(y, 6), yaw_deg=yaw_deg)
+        inner = _footprint(placement, modules).buffer(-GAP)
+        if not any(inner.intersects(solid) for solid in solids):
+            return placement
+    return None
+
+
+def _footprint(placement: Placement, modules: Mapping[str, ModuleSpec]) -> BaseGeometry:
+    spec = modules[placement.module]
+    return rectangle(placement.pose, spec.length, spec.width)
+
+
+def _solids(world: World) -> list[BaseGeometry]:
+    """What new roads must not overlap, in the map."""
+    roads = [
+        placed.footprint for placed in world.map.modules if placed.module.spec.type not in {"terrain", "obstruction"}
+    ]
+    return roads + [static.plan for static in world.map.statics]
+
+
+def _key(end: End) -> tuple[str, str]:
+    return end[0], end[1].name
+
+
+def _fit(a: PlacedPort, b: PlacedPort) -> bool:
+    return abs(a.width - b.width) <= PORT_TOLERANCE and a.lanes == b.lanes
+
+
 def _pairs(world: World, edit: CloseLoop) -> Iterator[tuple[End, End]]:
     starts = list(_ends(world, edit.part, edit.port))
     ends = list(_ends(world, edit.other, edit.other_port)) if edit.other else list(_ends(world))
     widths_fit = False
     for start in starts:
         for end in ends:
-            if (start[0], start[1].name) == (end[0], end[1].name):
-                continue
-            (_, a), (_, b) = start, end
-            if abs(a.width - b.width) <= PORT_TOLERANCE and a.lanes == b.lanes:
+            if _key(start) != _key(end) and _fit(start[1], end[1]):
                 widths_fit = True
                 yield start, end
     if not widths_fit:

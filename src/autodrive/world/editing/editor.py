@@ -68,7 +68,7 @@ class Editor:
         moved: Poses = {}
         title = ""
         if isinstance(edit, CloseLoop):
-            edit, title = closing_edit(world, edit), "close the loop"
+            edit, title = closing_edit(world, edit), "close the loop" if edit.part else "close all open ends"
         if isinstance(edit, MapEdit):
             after, name = edited_map(specs, edit), title or name_of_edit(edit, specs)
             changed = edit.parts if isinstance(edit, EditMap) else _replaced(world, after)
