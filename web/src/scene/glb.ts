@@ -84,7 +84,13 @@ interface TreeNode {
   mesh?: number
   translation?: Vector
   rotation?: [number, number, number, number]
-  extras?: { detail?: Detail; joint?: Joint; lamp?: string; strips?: { vertices: number; triangles: number }; extent?: Extent }
+  extras?: {
+    detail?: Detail
+    joint?: Joint
+    lamp?: string
+    strips?: { vertices: number; triangles: number }
+    extent?: Extent
+  }
 }
 
 interface Mesh {

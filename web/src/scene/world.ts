@@ -142,6 +142,11 @@ export class World {
     this.glare.update([...this.vehicles.values()], this.lenses, this.light.dusk.value)
   }
 
+  /** Share of the way from a point to another that is free of walls and buildings. */
+  freeShare(from: Vector3, to: Vector3): number {
+    return this.shadows.freeShare(from, to)
+  }
+
   /** Draws the shadow maps for the current state. */
   drawShadows(renderer: WebGLRenderer, camera: Camera, followed: string): void {
     const cameraPosition = camera.position

@@ -18,6 +18,9 @@ vec3 hazy(vec3 light, vec3 v) {
         float towards = 0.5 + 0.5 * across * inversesqrt(dot(sun_place.xy, sun_place.xy) + 1e-9);
         vec3 glow = dawn.rgb * (0.12 + 0.88 * towards * towards * towards * towards);
         glow += sun_color.rgb * (0.0025 / (1.002 - across));
+#ifdef AIR
+        glow *= exp(-150.0 * exposure.z);  // as in sky.frag at the horizon
+#endif
         light = mix(light, horizon.rgb * 0.31831 + along * along * glow, far / (far + 36.0));
     }
     return light;
