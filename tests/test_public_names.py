@@ -115,4 +115,6 @@ def test_the_default_scenario_is_the_same_everywhere() -> None:
     from autodrive.scenario import DEFAULT
 
     of_make, of_command = (inspect.signature(called).parameters["scenario"].default for called in (autodrive.make, run))
-    assert {of_make, of_command.default, RunOptions().scenario} == {DEFAULT}
+    assert {of_make, RunOptions().scenario} == {DEFAULT}
+    assert of_command.default is None
+    assert f"{DEFAULT} without a person" in " ".join(of_command.help.split())

@@ -42,6 +42,7 @@ from autodrive.protocol.native import (
     Scene,
     Starting,
     Subscribe,
+    Welcome,
 )
 from autodrive.run import PageOptions, Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
@@ -123,15 +124,20 @@ def await_message(one: ClientConnection, kind: type) -> Any:
 
 @needs_page
 @pytest.mark.process
-def test_autodrive_without_a_command_runs_the_default_scenario_with_its_page(tmp_path: Path) -> None:
+def test_autodrive_without_a_command_offers_the_scenarios_in_the_page_and_a_person_may_drive(tmp_path: Path) -> None:
     run = Started(tmp_path)
     try:
         link = link_of(run)
         with urllib.request.urlopen(link, timeout=LIMIT) as answer:
             assert answer.read() == (PACKAGE / "page" / "index.html").read_bytes()
         with viewer(link) as one:
-            assert await_message(one, Scene).scenario == "mini_map"
+            assert await_message(one, Welcome).has_start_screen
+            assert await_message(one, Scene).scenario == "traffic"
             assert not await_message(one, Frame).vehicles["V1"].is_autonomous  # a person may drive
+            one.send(encode(Request(1, LoadScenario("plane"))))
+            await_message(one, Response)
+        with viewer(link) as later:
+            assert not await_message(later, Welcome).has_start_screen
     finally:
         assert run.end(signal.SIGINT) == 0
 
@@ -158,11 +164,11 @@ def test_the_page_is_served_before_the_world_is_made_and_clients_are_told_what_i
         try:
             wait_until(lambda: bool(links))
             with viewer(links[0]) as one:
-                assert await_message(one, Starting) == Starting("loading the world")
+                assert await_message(one, Starting) == Starting("loading the world", scenario="plane")
                 may_compile.set()
                 while (starting := await_message(one, Starting)).share is None:
                     pass
-                assert starting.stage == COMPILING
+                assert (starting.stage, starting.scenario) == (COMPILING, "plane")
                 may_end.set()
                 assert await_message(one, Scene).scenario == "plane"
         finally:

@@ -70,7 +70,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         stack.callback(bridge.close)
         folder = tmp_path_factory.mktemp("recordings")
         recordings = ClientRecordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
-        stack.callback(recordings.stop_now)
+        stack.callback(recordings.close)
         served = Served(
             simulation,
             loader.scenery,
@@ -78,6 +78,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
             scenarios=loader.scenarios,
             jpeg_encoder=encoder,
             cameras_error=lambda: loader.cameras_error,
+            cameras_note=lambda: loader.cameras_note,
             want_pictures=loader.set_viewed,
             recording=recordings,
             own_files=UserFiles(own),

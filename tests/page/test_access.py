@@ -35,6 +35,8 @@ def wrong_targets(tab: Tab, least: float = 0) -> list[str]:
 
 
 CARDS = ("isMapOpen", "isLogOpen")
+PARTS = ("programs", "view", "scenario")
+"""The tabs of the menu."""
 
 FOCUS_STYLE = "() => { const s = getComputedStyle(document.activeElement); return [s.outlineStyle, s.boxShadow] }"
 
@@ -43,10 +45,11 @@ FOCUS_STYLE = "() => { const s = getComputedStyle(document.activeElement); retur
 def panels(two_cars: PageServer, tab: Tab) -> Iterator[Tab]:
     """The tab with open menu, HUD, small map and log; the simulation is paused, so that nothing is drawn anew."""
     tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.show("menu", "hud")
+    tab.show("menu", "hud", tab="view")
     for panel in CARDS:
         tab.page.evaluate(f"() => {{ autodrive.store.{panel}.value = true }}")
     tab.wait_until(lambda: tab.get("vehicle").is_visible())
+    tab.click("menu-tab-scenario")
     two_cars.request(Pause())
     yield tab
     two_cars.request(Resume())
@@ -77,9 +80,12 @@ def test_tab_key_reaches_every_control_in_order(panels: Tab) -> None:
 
 def test_each_control_has_an_accessible_name(panels: Tab) -> None:
     tools = panels.page.context.new_cdp_session(panels.page)
-    nodes = tools.send("Accessibility.getFullAXTree")["nodes"]
+    nodes = []
+    for part in PARTS:
+        panels.click(f"menu-tab-{part}")
+        nodes += tools.send("Accessibility.getFullAXTree")["nodes"]
     tools.detach()
-    roles = {"button", "textbox", "combobox", "checkbox", "switch", "spinbutton", "DisclosureTriangle", "dialog"}
+    roles = {"button", "textbox", "combobox", "checkbox", "switch", "spinbutton", "DisclosureTriangle", "dialog", "tab"}
     controls = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles]
     assert len(controls) > 25
     assert [node for node in controls if not node["name"]["value"].strip()] == []
@@ -109,7 +115,9 @@ def test_every_control_can_be_reached_and_panels_do_not_overlap(panels: Tab) -> 
     for width, height in ((1920, 1080), (1280, 720), (1024, 768)):
         panels.page.set_viewport_size({"width": width, "height": height})
         panels.page.evaluate("() => new Promise((done) => setTimeout(done))")
-        assert wrong_targets(panels) == []
+        for part in PARTS:
+            panels.click(f"menu-tab-{part}")
+            assert wrong_targets(panels) == [], part
         cards = {name: panels.get(name) for name in ("menu", "hud", "minimap", "log")}
         cards["toolbar"] = panels.page.locator(".toolbar")
         for (name, one), (other, another) in combinations(cards.items(), 2):

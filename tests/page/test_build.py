@@ -186,6 +186,7 @@ def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServe
     building.show("menu")
     building.get("scenario").select_option("two_cars")
     building.get("discard-dialog").wait_for()
+    assert "There are edits that are not saved" in building.text("discard-dialog")  # without the title of the scenario
     building.click("discard-dialog-cancel")
     assert plane.simulation.undo_name == "use the map oval"
 

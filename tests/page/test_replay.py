@@ -13,6 +13,7 @@ from autodrive import recording
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import Teleport
 from autodrive.recording.replay import Replay, ReplayOptions
+from autodrive.recording.resimulation import resimulate
 from tests.recording.conftest import Drive, drive
 from tests.support.page import NewTab, PageServer, Tab, box
 
@@ -52,6 +53,26 @@ def test_a_replay_has_no_build_mode(replay: Replay, new_tab: NewTab) -> None:
     tab.wait_for_notice("This is a replay of")
     assert not tab.value("store.isBuilding.value")
     assert not tab.get("build-bar").is_visible()
+
+
+NOTE_TEXTS = """
+window.ends = []
+const fillText = CanvasRenderingContext2D.prototype.fillText
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  const width = this.measureText(text).width
+  const [left, right] = this.textAlign === 'right' ? [x - width, x] : [x, x + width]
+  if (this.canvas.className === 'timeline-marks') ends.push([text, left, right, this.canvas.clientWidth])
+  fillText.call(this, text, x, y)
+}
+"""
+
+
+def test_no_time_of_the_timeline_is_cut(replay: Replay, new_tab: NewTab) -> None:
+    for width in range(600, 700, 20):
+        tab = new_tab(size=(width, 500), script=NOTE_TEXTS).open(replay.server.url)
+        tab.wait_until(lambda tab=tab: tab.page.evaluate("() => ends.length > 3"))
+        cut = [each for each in tab.page.evaluate("() => ends") if each[1] < 0 or each[2] > each[3]]
+        assert cut == []
 
 
 def position(tab: Tab) -> float:
@@ -102,7 +123,9 @@ def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, driv
     other.wait_until(lambda: position(other) == pytest.approx(duration) and other.value("store.status.value.is_paused"))
 
 
-def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: PageServer, tab: Tab) -> None:
+def test_the_page_records_the_simulation_and_keeps_its_last_seconds(
+    two_cars: PageServer, tab: Tab, tmp_path: Path
+) -> None:
     tab.show("menu", tab="view")
     tab.click("record-button")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
@@ -110,17 +133,24 @@ def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: Pa
     tick = two_cars.frame.tick
     tab.wait_until(lambda: two_cars.frame.tick > tick + 20)
     tab.click("record-button")
-    tab.wait_for_notice("Recorded ")
+    tab.wait_for_text("recorded-text", "Recorded two_cars-")
     path = Path(tab.value("store.status.value.recording.file"))
     with recording.open(path) as opened:
         assert opened.duration > 0.2
         assert opened.frame_at(opened.end).vehicles["V1"].pose.position[0] == pytest.approx(0.5, abs=0.05)
         assert [type(note.request).__name__ for _, note in opened.requests] == ["Teleport"]
+        assert opened.start_tick > 0
+        assert str(resimulate(opened)) == "identical"
+    with tab.page.expect_download() as download:
+        tab.click("recorded-download")
+    assert download.value.suggested_filename == path.name
+    download.value.save_as(tmp_path / path.name)
+    assert (tmp_path / path.name).read_bytes() == path.read_bytes()
     tab.get("recording-keep").select_option("30")
     tab.click("record")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "keeping")
     tab.click("save-recording")
-    tab.wait_for_notice("Saved ")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.download") not in ("", path.name))
     kept = Path(tab.value("store.status.value.recording.file"))
     assert kept != path
     with recording.open(kept) as opened:
@@ -128,3 +158,26 @@ def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: Pa
     tab.click("record")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "off")
     tab.get("recording-keep").select_option("all")
+    tab.click("recorded-close")
+    assert not tab.get("recorded").is_visible()
+
+
+def test_the_page_replays_and_films_what_it_has_recorded(plane: PageServer, tab: Tab, tmp_path: Path) -> None:
+    tab.click("record-button")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.duration") > 0.5)
+    tab.click("record-button")
+    tab.wait_for_text("recorded-text", "Recorded plane-")
+    with tab.page.expect_download() as download:
+        tab.click("recorded-film")
+        assert tab.get("recorded-film").get_attribute("aria-busy") == "true" or tab.get("recorded-film").is_disabled()
+    assert download.value.suggested_filename.startswith("plane-")
+    assert download.value.suggested_filename.endswith(".webm")
+    download.value.save_as(tmp_path / "film.webm")
+    with av.open(str(tmp_path / "film.webm")) as film:
+        assert sum(1 for _ in film.decode(film.streams.video[0])) > 10
+    with tab.page.expect_popup() as popup:
+        tab.click("recorded-replay")
+    shown = popup.value
+    shown.get_by_test_id("timeline-file").get_by_text("plane-").wait_for()
+    shown.close()
+    tab.click("recorded-close")

@@ -91,9 +91,15 @@ TEXTS = """() => {
 def test_touch_screens_reach_all_controls(plane: PageServer, new_tab: NewTab, size: tuple[int, int]) -> None:
     tab = new_tab(size=size, touch=True).open(f"{plane.url}?quality=low")
     pads = {axis: tab.get(f"pad-{axis}") for axis in ("throttle", "steering")}
-    for panels in ((), ("menu",), ("hud",)):
-        tab.show(*panels)
-        assert wrong_targets(tab, MIN_TARGET) == []
+    for panels, part in (
+        ((), ""),
+        (("menu",), "scenario"),
+        (("menu",), "view"),
+        (("menu",), "programs"),
+        (("hud",), ""),
+    ):
+        tab.show(*panels, tab=part)
+        assert wrong_targets(tab, MIN_TARGET) == [], (panels, part)
         for pad in pads.values():
             assert pad.is_visible()
             place = box(pad)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.page.test_edit import on_screen
@@ -31,23 +32,29 @@ def test_all_steps_end_by_what_the_user_does(mini_map: PageServer, new_tab: NewT
     assert tab.get("tour").locator("kbd").all_text_contents()[:3] == ["W", "A", "D"]
     tab.page.wait_for_timeout(1500)
     assert tab.text("tour-title") == "Drive a metre", "it waits"
+    start = mini_map.vehicle.pose.position
+
+    def way() -> float:
+        return float(np.linalg.norm(mini_map.vehicle.pose.position - start))
+
     keyboard.down("w")
-    tab.wait_until(lambda: mini_map.vehicle.pose.position[0] > 0.3)
+    tab.wait_until(lambda: way() > 0.3)
     assert not is_vehicle_covered(tab)
     wait_for_step(tab, "Look from another camera")
     keyboard.up("w")
-    assert abs(mini_map.vehicle.pose.position[0]) > 0.9
+    assert way() > 0.9
     keyboard.press("c")
     wait_for_step(tab, "Let it rain")
     assert tab.value("store.camera.value") == "Bird's Eye"
     tab.get("bar-weather").select_option("heavy_rain")
     wait_for_step(tab, "Put a box on the road")
+    boxes = len(mini_map.frame.objects)
     keyboard.press("j")
     tab.wait_until(lambda: tab.get("edit-add").is_visible())
     assert tab.text("tour-title") == "Put a box on the road"
     tab.click("edit-add")
     wait_for_step(tab, "Drive on")
-    tab.wait_until(lambda: len(mini_map.frame.objects) == 1)
+    tab.wait_until(lambda: len(mini_map.frame.objects) == boxes + 1)
     keyboard.press("Escape")
     wait_for_step(tab, "Record")
     tab.click("record-button")
@@ -85,8 +92,8 @@ def test_the_tour_is_skipped_step_by_step_and_starts_again_from_the_help(
         card = box(tab.get("tour"))
         assert card["left"] >= 0
         assert card["right"] <= size[0]
-        assert (card["right"] - card["left"]) * (card["bottom"] - card["top"]) < 0.17 * size[0] * size[1]
-        assert ("pad" in tab.get("tour-text").inner_text()) == (is_touch and len(titles) in {1, 2, 6})
+        assert (card["right"] - card["left"]) * (card["bottom"] - card["top"]) < 0.25 * size[0] * size[1]
+        assert ("pad" in tab.get("tour-text").inner_text()) == (is_touch and len(titles) in {1, 2, 5, 6})
         tab.click("tour-skip")
     assert titles == [
         *("Drive a metre", "Look from another camera", "Let it rain", "Put a box on the road", "Drive on"),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
 import autodrive
-from autodrive import Command, Simulation
+from autodrive import Command, Indicators, Simulation
+from autodrive.base.errors import SnapshotError
 from autodrive.protocol.messages import (
     AddBox,
     Hold,
@@ -27,8 +29,10 @@ from autodrive.recording import Recorder, RecordingError, resimulation
 from autodrive.recording import open as open_recording
 from autodrive.recording.about import about_here
 from autodrive.recording.resimulation import first_difference, resimulate
+from autodrive.world import saved_world
 from tests.recording.conftest import Drive
 from tests.support.command_line import call
+from tests.support.waiting import wait_until
 
 
 def test_the_drive_is_identical(drive: Drive) -> None:
@@ -78,6 +82,63 @@ def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
         result = resimulate(recording)
     assert str(result) == "identical"
     assert result.frames > 30
+
+
+@pytest.mark.parametrize("scenario", ["plane", "tiny_town", "traffic"])
+def test_a_recording_that_begins_in_the_middle_of_a_run_is_repeated(tmp_path: Path, scenario: str) -> None:
+    """The first Frame has the state of all that is in no Frame: wheels, noise, lamps, drivers of the traffic."""
+    path = tmp_path / "later.mcap"
+    simulation = Simulation(autodrive.make(scenario, seed=3), speed=None, load=autodrive.make)
+    for request in (SetWeather(Weather(rain=0.7)), SetTimeOfDay(3600.0 * 20, 60.0), AddBox("crate", 0.5, 0.5)):
+        done = simulation.request(request)
+        simulation.run(0.02)
+        done.result()
+    for _ in range(500):
+        simulation.submit("V1", Command(0.4, 0.2, indicators=Indicators.LEFT))
+        simulation.run(simulation.world.tick_duration)
+    assert simulation.frame.tick > 500
+    with Recorder(path, simulation, has_meshes=False):
+        for _ in range(150):
+            simulation.submit("V1", Command(0.7, -0.3))
+            simulation.run(simulation.world.tick_duration)
+        done = simulation.request(Reset(4))
+        simulation.run(0.1)
+        done.result()
+    with open_recording(path) as recording:
+        result = resimulate(recording)
+        assert str(result) == "identical"
+        assert result.frames > 150
+
+
+def test_a_recording_that_begins_while_time_runs_has_each_tick(tmp_path: Path) -> None:
+    path = tmp_path / "running.mcap"
+    with Simulation(autodrive.make("plane"), speed=1.0) as simulation:
+        for throttle in (0.5, 0.9):
+            simulation.submit("V1", Command(throttle, 0.1))
+            wait_until(lambda tick=simulation.frame.tick: simulation.frame.tick > tick + 20)
+        with Recorder(path, simulation, has_meshes=False):
+            first = simulation.frame.tick
+            simulation.submit("V1", Command(0.2, -0.1))
+            wait_until(lambda: simulation.frame.tick > first + 30)
+    with open_recording(path) as recording:
+        ticks = [frame.tick for frame in recording.frames()]
+        assert ticks == list(range(ticks[0], ticks[0] + len(ticks)))
+        assert str(resimulate(recording)) == "identical"
+
+
+def test_a_damaged_state_at_the_start_is_an_error(tmp_path: Path) -> None:
+    world = autodrive.make("plane")
+    for _ in range(3):
+        world.step()
+    state, frame = saved_world.saved(world), world.frame
+    assert state is not None
+    other = autodrive.make("mini_map")
+    for damaged in (state[:-5], b"", zlib.compress(b"\x00"), zlib.compress(zlib.decompress(state)[:-100])):
+        with pytest.raises(SnapshotError, match="the saved state is damaged"):
+            saved_world.restore(world, damaged, frame)
+    with pytest.raises(SnapshotError, match="another world"):
+        saved_world.restore(other, state, other.frame)
+    saved_world.restore(autodrive.make("plane"), state, frame)
 
 
 def test_a_race_is_repeated(tmp_path: Path) -> None:
@@ -146,8 +207,12 @@ def test_what_cannot_be_simulated_again_says_why(tmp_path: Path) -> None:
     world.reset()
     for _ in range(10):
         world.step()
-    with Recorder(tmp_path / "later.mcap", world, has_meshes=False):
+    with Recorder(tmp_path / "later.mcap", world, has_meshes=False, last=5.0) as recorder:
         world.step()
+        recorder.save()
+        for _ in range(110):
+            world.step()
+    recorder.files[0].rename(tmp_path / "later.mcap")
     for name, reason in (("restored", "from a snapshot"), ("later", "begins at tick 10")):
         with open_recording(tmp_path / f"{name}.mcap") as recording, pytest.raises(RecordingError, match=reason):
             resimulate(recording)

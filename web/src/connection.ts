@@ -21,7 +21,7 @@ export class Connection {
   private nextId = 1
   /** Scans of vehicles from before the map was changed: the server sends them again while time does not run. */
   private readonly outdated = new Map<string, LidarScan>()
-  private subscription: Subscribe = { type: 'Subscribe', drawings: true }
+  private subscription: Subscribe = { type: 'Subscribe', drawings: true, ways: true }
   /** Why the simulator refused this page. */
   private refusal = ''
 
@@ -119,6 +119,9 @@ export class Connection {
         if (isSame(message.scan, this.outdated.get(message.vehicle))) break
         this.outdated.delete(message.vehicle)
         store.scans.set(message.vehicle, message.scan)
+        break
+      case 'Ways':
+        store.ways.value = message
         break
       case 'Drawn':
         if (message.drawing) store.drawings.set(message.name, message)

@@ -1,7 +1,7 @@
 // The log of the page: all notices, events and errors with their times.
 import { sentence } from './actions'
 import { lapTime } from './lap_time'
-import type { Event } from './messages'
+import type { Event, Scene } from './messages'
 import { RaceStatus } from './messages'
 import { Observable } from './observable'
 import type { Store } from './store'
@@ -47,20 +47,22 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   store.notice.watch((text) => text && add('info', sentence(text)))
   store.error.watch((text) => text && add('error', sentence(text)))
   store.warning.watch((text) => text && add('warning', sentence(text)))
-  store.events.watch((events) => {
+  store.told.watch((events) => {
     for (const event of events) {
-      const [text, level] = describe(event)
+      const [text, level] = describe(event, store.scene.value)
       add(level, text, event.time, isDetail(event))
     }
   })
   const bridgeError = whenChanged('error', 'Bridge: ')
   const camerasError = whenChanged('error', 'Cameras: ')
+  const camerasNote = whenChanged('info', 'Cameras: ')
   const bridgeState = whenChanged('info', 'Bridge: ')
   const physicsError = whenChanged('error', '')
   let wasBridgeUsed = false
   store.status.watch((status) => {
     bridgeError(status?.bridge.error ?? '')
     camerasError(status?.cameras_error ?? '')
+    camerasNote(status?.cameras_note ?? '')
     physicsError(status?.error ?? '')
     const isUsed = status && (status.bridge.state !== 'closed' || wasBridgeUsed)
     wasBridgeUsed ||= Boolean(isUsed)
@@ -111,14 +113,26 @@ export function isDetail(event: Event): boolean {
   return event.type === 'CheckpointPassed' || event.type === 'CollisionEnded'
 }
 
-/** The text of an event, and its level. */
-export function describe(event: Event): [string, Level] {
+/** What a vehicle touches, in words: the kind of a part of the map, the name of a vehicle or of a box. */
+export function touched(name: string, scene: Scene | null): string {
+  if (scene && name in scene.vehicles) return name
+  const words = name.replaceAll('_', ' ')
+  if (scene && name in scene.objects) return words
+  const map = scene?.map_scene
+  const part = map?.parts[name]
+  const title = part?.type === 'MapModule' ? map?.modules[part.module]?.title : undefined
+  if (title) return `${/^[aeiou]/i.test(title) ? 'an' : 'a'} ${title.charAt(0).toLowerCase()}${title.slice(1)}`
+  return /\d$/.test(words) ? words : `the ${words}`
+}
+
+/** The text of an event in a scene, and its level. */
+export function describe(event: Event, scene: Scene | null): [string, Level] {
   switch (event.type) {
     case 'Collision':
-      return [`${event.vehicle} hit ${event.other}`, 'warning']
+      return [`${event.vehicle} hit ${touched(event.other, scene)}`, 'warning']
     case 'CollisionEnded':
       return [
-        `${event.vehicle} touched ${event.other} for ${event.duration.toFixed(2)} s: ${event.impulse.toFixed(2)} N s`,
+        `${event.vehicle} touched ${touched(event.other, scene)} for ${event.duration.toFixed(2)} s: ${event.impulse.toFixed(2)} N s`,
         'info',
       ]
     case 'OffRoad':

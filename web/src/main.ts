@@ -21,9 +21,11 @@ import { Headlights, Indicators } from './messages'
 import { banner } from './panels/banner'
 import { build } from './panels/build'
 import { connectDialog } from './panels/connect'
+import { crashHint } from './panels/crash_hint'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
+import { episode } from './panels/episode'
 import { help } from './panels/help'
 import { openMapForRaces, showOnePanelOnSmallScreens } from './panels/layout'
 import { legend } from './panels/legend'
@@ -36,6 +38,7 @@ import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
 import { askPicture } from './panels/picture_dialog'
 import { mayDiscard, saveScenario } from './panels/save_dialog'
+import { start } from './panels/start'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
@@ -48,6 +51,7 @@ import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
+import { Scenarios } from './scenarios'
 import { listenToFlyPointer } from './scene/flight'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
@@ -118,8 +122,9 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
+const scenarios = new Scenarios(store, connection, () => mayDiscard('Another scenario', save))
 const recording = recorder(store, actions)
-const mainMenu = menu(store, connection, actions, recording.section, programs.open, save)
+const mainMenu = menu(store, connection, actions, recording.section, programs.open, scenarios)
 document.body.prepend(toolbar(store, actions, recording.button, keys.toggle), mainMenu)
 mainMenu.querySelector('.tools')?.append(filmButton(store, canvas))
 showOnePanelOnSmallScreens(store)
@@ -128,7 +133,15 @@ const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
-const hints = [banner(store, actions), modeHint(store, actions), streamNote(store)]
+const state = banner(store, actions)
+const hints = [
+  state,
+  modeHint(store, actions),
+  streamNote(store),
+  recording.card,
+  crashHint(store, actions),
+  episode(store),
+]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
@@ -142,9 +155,11 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const mayDiscardMap = () => mayDiscard('Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
-document.body.append(...edit(store, editor, view, save))
+const [still, startScreen] = start(store, actions, scenarios, openFiles, state)
+canvas.after(still)
+document.body.append(startScreen, ...edit(store, editor, view, save))
 /** Shows the whole map or race track in Build mode. */
 const showAll = () => (trackBuilder.line ? trackBuilder : builder).showAll()
 const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }

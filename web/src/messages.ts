@@ -531,6 +531,25 @@ export interface SaveRecording {
 }
 
 /**
+ * Film the latest recording of this simulator, beside the simulation: `RecordingStatus.film` says how far it is.
+ *
+ * `camera`: a scene camera, or a camera of a vehicle such as 'front'. `vehicle`: the one that it follows, or on which
+ * it is; None: the first one. The film is then at the address recordings/NAME, relative to the page.
+ */
+export interface FilmRecording {
+  type: 'FilmRecording'
+  camera?: string
+  vehicle?: string | null
+}
+
+/**
+ * Serve the latest recording of this simulator with its page; the text of the Response is the port.
+ */
+export interface ReplayRecording {
+  type: 'ReplayRecording'
+}
+
+/**
  * Request curves of the recording that is shown; they are in the `curves` of the Response.
  *
  * `plots`: ids of `PLOTS` in channels.ts. `start`, `end`: times of the recording [s]; `end` None: its end. `columns`:
@@ -780,6 +799,7 @@ export interface Hello {
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
+ * `ways`: whether `Ways` are sent.
  */
 export interface Subscribe {
   type: 'Subscribe'
@@ -792,6 +812,7 @@ export interface Subscribe {
   shapes?: boolean
   contacts?: boolean
   frames_of_readings?: boolean
+  ways?: boolean
 }
 
 /**
@@ -821,7 +842,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
   heard?: number | null
 }
 
@@ -1293,6 +1314,7 @@ export interface Frame {
  *
  * `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
  * `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
+ * `scenario`: name of the scenario that is loaded. `has_start_screen`: as in the Welcome.
  */
 export interface Starting {
   type: 'Starting'
@@ -1301,6 +1323,8 @@ export interface Starting {
   remaining: number | null
   scene: Scene | null
   frame: Frame | null
+  scenario: string
+  has_start_screen: boolean
 }
 
 /**
@@ -1319,6 +1343,7 @@ export interface RunOrigin {
  *
  * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
  * simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
+ * `has_start_screen`: the simulator was started without a scenario, and nobody has loaded one yet: a page offers them.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -1329,6 +1354,7 @@ export interface Welcome {
   folder: string
   run: RunOrigin | null
   title: string
+  has_start_screen: boolean
 }
 
 /**
@@ -1371,6 +1397,16 @@ export interface BridgeStatus {
 }
 
 /**
+ * State of the film that a `FilmRecording` has asked for.
+ */
+export interface FilmStatus {
+  state: 'off' | 'filming' | 'done'
+  name: string
+  share: number
+  error: string
+}
+
+/**
  * State of the recording that this simulator makes.
  */
 export interface RecordingStatus {
@@ -1380,6 +1416,20 @@ export interface RecordingStatus {
   size: number
   dropped: number
   error: string
+  download: string
+  film: FilmStatus
+}
+
+/**
+ * The episode of an environment that is shown, and how the cars have fared in those before it.
+ */
+export interface Episode {
+  task: string
+  number: number
+  cars: Record<string, 'drives' | 'succeeded' | 'failed'>
+  gap: number | null
+  succeeded: number
+  ended: number
 }
 
 /**
@@ -1405,6 +1455,8 @@ export interface Status {
   changes: number
   clock: number
   refused: Record<string, string>
+  cameras_note: string
+  episode: Episode | null
 }
 
 /**
@@ -1424,6 +1476,17 @@ export interface Drawn {
   name: string
   drawing: Drawing | null
   until: number
+}
+
+/**
+ * Where the vehicles were between two Frames, ten times in a simulated second; sent before the second Frame.
+ *
+ * `times` [s], shape (n,). `positions` [m] by vehicle, as in `Pose`, one after the other, shape (3 n,).
+ */
+export interface Ways {
+  type: 'Ways'
+  times: Float64Array
+  positions: Record<string, Float64Array>
 }
 
 /**
@@ -1527,7 +1590,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
@@ -1535,7 +1598,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | SensorView | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Ways | Contacts | Picture | Rendered | SensorView | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

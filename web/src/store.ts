@@ -1,4 +1,5 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
+import { CalmEvents } from './calm_events'
 import type {
   ContactForces,
   Drawn,
@@ -11,6 +12,7 @@ import type {
   Shapes,
   Starting,
   Status,
+  Ways,
   Welcome,
 } from './messages'
 import { GuardedSwitch, Observable } from './observable'
@@ -71,6 +73,8 @@ export class Store {
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)
   readonly frame = new Observable<Frame | null>(null)
+  /** Where the vehicles were since the Frame before; set before the Frame that ends it. */
+  readonly ways = new Observable<Ways | null>(null)
   /** The latest scan of each vehicle; set before the Frame that it belongs to. */
   readonly scans = new Map<string, LidarScan>()
   /** The latest camera image by `vehicle/camera`; set before the Frame that it belongs to. */
@@ -95,6 +99,8 @@ export class Store {
   readonly isStreamPaused = new Observable(false)
   /** The latest events of the world. */
   readonly events = new Observable<readonly Event[]>([])
+  /** The events that people are told: without a vehicle that comes back to the road for a moment only. */
+  readonly told = new Observable<readonly Event[]>([])
   /** Number of resets by this page. */
   readonly resets = new Observable(0)
   /** Why there is no connection. */
@@ -122,6 +128,10 @@ export class Store {
   readonly quality = new Observable<Quality>('auto')
   /** The quality that the page or the simulator chose because another one is not possible. */
   fallbackQuality: Quality | null = null
+  /** Whether the start screen is shown, with the scenarios that can be entered. */
+  readonly isStartOpen = new Observable(false)
+  /** Whether the camera turns slowly around the map, behind the start screen of the first visit. */
+  readonly isTurning = new Observable(false)
   readonly isMenuOpen = new Observable(false)
   readonly isHudOpen = new Observable(false)
   readonly isLogOpen = new Observable(false)
@@ -131,6 +141,8 @@ export class Store {
   readonly areTrailsShown = new Observable(false)
   /** Whether the drawings of scripts are shown in the scene. */
   readonly areDrawingsShown = new Observable(true)
+  /** Whether the names of vehicles are shown above them. */
+  readonly areLabelsShown = new Observable(true)
   /** Whether the collision shapes, contact forces, and axes of vehicles and sensors are drawn in the scene. */
   readonly areShapesShown = new Observable(false)
   readonly areForcesShown = new Observable(false)
@@ -175,6 +187,16 @@ export class Store {
       one.watch((isOn) => {
         if (isOn) pair[1 - i].value = false
       })
+    const calm = new CalmEvents()
+    const tell = (events: readonly Event[]) => {
+      // an environment has rules of its own: what those of the road say means nothing in it
+      const known = this.status.value?.episode ? events.filter(({ type }) => type.startsWith('Collision')) : events
+      const told = calm.at(this.frame.value?.time ?? 0, known)
+      if (told.length > 0) this.told.value = told
+    }
+    this.events.watch(tell)
+    this.frame.watch(() => tell([]))
+    this.scene.watch(() => calm.clear())
     this.status.watch((status) => {
       const refused = status?.refused ?? {}
       if (JSON.stringify(refused) === JSON.stringify(this.refused.value)) return
@@ -197,7 +219,7 @@ export class Store {
   /** Calls `onChange` when anything changes that an image of the 3D view depends on, except the Frame, which moves what
    * is shown; returns functions that end this. */
   watchImage(onChange: () => void): (() => void)[] {
-    const others: unknown[] = [this.frame, this.status, this.frameRate, this.imageCount, this.shownScene]
+    const others: unknown[] = [this.frame, this.status, this.frameRate, this.imageCount, this.shownScene, this.ways]
     const shown = Object.values(this).filter((value) => value instanceof Observable && !others.includes(value))
     return shown.map((observable: Observable<unknown>) => {
       let before = observable.value

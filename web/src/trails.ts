@@ -1,5 +1,5 @@
-// The line that each vehicle has driven, from the Frames; shown in the 3D view and on the small map.
-import type { Frame } from './messages'
+// The line that each vehicle has driven, from the Frames and the places between them; shown in the 3D view and on the small map.
+import type { Frame, Ways } from './messages'
 
 /** Distance between two points of a trail [m]. */
 const SPACING = 0.02
@@ -21,17 +21,38 @@ export interface Trail {
 export class Trails {
   readonly all = new Map<string, Trail>()
   private time = 0
+  /** The latest speed of each vehicle [m/s]. */
+  private readonly speeds = new Map<string, number>()
 
   /** Adds the positions of a Frame; `radius` of the wheels by vehicle [m]. Time that goes back clears the trails. */
   add(frame: Frame, radius: (vehicle: string) => number): void {
-    if (frame.time < this.time) this.clear()
-    const elapsed = frame.time - this.time
-    this.time = frame.time
-    for (const [name, { pose, velocity }] of Object.entries(frame.vehicles)) {
+    for (const [name, { velocity }] of Object.entries(frame.vehicles)) this.speeds.set(name, Math.hypot(...velocity))
+    const places = Object.entries(frame.vehicles).map(([name, { pose }]) => [name, pose.position] as const)
+    this.addPlaces(frame.time, places, radius)
+  }
+
+  /** Adds the places since the Frame before; their Frame follows. */
+  addWays({ times, positions }: Ways, radius: (vehicle: string) => number): void {
+    times.forEach((time, i) => {
+      if (time <= this.time) return // of a Frame that is known
+      const places = Object.entries(positions).map(([name, all]) => [name, all.subarray(3 * i, 3 * i + 3)] as const)
+      this.addPlaces(time, places, radius)
+    })
+  }
+
+  private addPlaces(
+    time: number,
+    places: readonly (readonly [string, Float64Array])[],
+    radius: (vehicle: string) => number,
+  ): void {
+    if (time < this.time) this.clear()
+    const elapsed = time - this.time
+    this.time = time
+    for (const [name, [x, y, z]] of places) {
       const trail = this.all.get(name) ?? { points: new Float32Array(3 * TRAIL_POINTS), length: 0, version: 0 }
       this.all.set(name, trail)
-      const [x, y, z] = pose.position
-      const reach = elapsed > GAP ? JUMP : Math.max(JUMP, 3 * elapsed * (1 + Math.hypot(...velocity)))
+      const speed = this.speeds.get(name) ?? 0
+      const reach = elapsed > GAP ? JUMP : Math.max(JUMP, 3 * elapsed * (1 + speed))
       extend(trail, [x, y, z - radius(name)], reach)
     }
   }

@@ -130,6 +130,7 @@ export function followViewInLink(store: Store, actions: Actions, propose: Propos
     log: flag(store.isLogOpen),
     map: flag(store.isMapOpen),
     trails: flag(store.areTrailsShown),
+    labels: flag(store.areLabelsShown),
     drawings: flag(store.areDrawingsShown),
     shapes: flag(store.areShapesShown),
     forces: flag(store.areForcesShown),

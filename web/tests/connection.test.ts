@@ -20,7 +20,7 @@ test('the first messages are Hello and the subscription', () => {
   FakeSocket.latest.open()
   expect(FakeSocket.latest.sent).toEqual([
     { type: 'Hello', protocol: PROTOCOL, name: 'page' },
-    { type: 'Subscribe', drawings: true, frame_rate: 5 },
+    { type: 'Subscribe', drawings: true, ways: true, frame_rate: 5 },
   ])
 })
 
@@ -208,7 +208,7 @@ describe('reconnection', () => {
     vi.advanceTimersByTime(200)
     FakeSocket.latest.open()
     expect(FakeSocket.latest.of('Subscribe')).toEqual([
-      { type: 'Subscribe', drawings: true, scans: true, frame_rate: 5 },
+      { type: 'Subscribe', drawings: true, ways: true, scans: true, frame_rate: 5 },
     ])
   })
 

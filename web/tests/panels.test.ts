@@ -11,6 +11,7 @@ import { notices } from '../src/panels/notice'
 import { savedTheme, setTheme } from '../src/panels/theme'
 import { toolbar } from '../src/panels/toolbar'
 import { VehicleEvents } from '../src/panels/vehicle_events'
+import { Scenarios } from '../src/scenarios'
 import { connectedPage, frameOf, pose, scanOf, sceneOf, statusOf, vehicleOf, welcome } from './support'
 
 beforeEach(() => {
@@ -44,7 +45,7 @@ describe('the menu', () => {
         new Actions(all.store, all.connection),
         h('section', { testid: 'recording' }),
         () => {},
-        async () => true,
+        new Scenarios(all.store, all.connection, async () => true),
       ),
     )
     return all
@@ -428,7 +429,7 @@ describe('notices', () => {
     const { store, texts } = page()
     store.events.value = [hit('V1'), hit('V2')]
     store.events.value = [hit('V1')]
-    expect(texts()).toEqual(['V1 hit wall× 2', 'V2 hit wall'])
+    expect(texts()).toEqual(['V1 hit the wall× 2', 'V2 hit the wall'])
     store.events.value = [{ type: 'OffRoad', time: 0, vehicle: 'V1', position }]
     expect(texts().at(-1)).toBe('V1 left the road')
   })
@@ -555,7 +556,7 @@ describe('the banner', () => {
     const { store, connection, socket } = connectedPage()
     document.body.append(banner(store, new Actions(store, connection)))
     const bar = get('starting') as HTMLProgressElement
-    const unknown = { share: null, remaining: null, scene: null, frame: null }
+    const unknown = { share: null, remaining: null, scene: null, frame: null, scenario: '', has_start_screen: false }
     socket.receive({ type: 'Starting', stage: 'loading the world', ...unknown })
     expect(get('banner').hidden).toBe(false)
     expect(get('banner').textContent).toContain('Loading the world.')

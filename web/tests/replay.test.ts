@@ -98,9 +98,10 @@ test('the wheel enlarges around the pointer, within the recording, and the windo
 test('a place of the timeline is named by its event if one is near', () => {
   const window_ = new TimeWindow()
   window_.showAll(100)
-  const marks = [collision(10), collision(20)]
-  expect(textAt(marks, window_, 0.102, 1000)).toBe('00:00:10.00 V1 hit wall')
-  expect(textAt(marks, window_, 0.15, 1000)).toBe('00:00:15.00')
+  const timeline = { name: 'lap.mcap', duration: 100, marks: [collision(10), collision(20)] }
+  const scene = { ...sceneOf(['V1']), timeline }
+  expect(textAt(scene, window_, 0.102, 1000)).toBe('00:00:10.00 V1 hit the wall')
+  expect(textAt(scene, window_, 0.15, 1000)).toBe('00:00:15.00')
 })
 
 test('a seek shows whether a vehicle was off the road there, and forgets what was before a reset', () => {

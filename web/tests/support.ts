@@ -3,7 +3,17 @@ import { Decoder, Encoder, ExtensionCodec } from '@msgpack/msgpack'
 import { vi } from 'vitest'
 
 import { Connection } from '../src/connection'
-import type { ClientMessage, Frame, LidarScan, Pose, Scene, ServerMessage, Status, VehicleFrame } from '../src/messages'
+import type {
+  ClientMessage,
+  Frame,
+  LidarScan,
+  Pose,
+  Scene,
+  ServerMessage,
+  Status,
+  VehicleFrame,
+  Welcome,
+} from '../src/messages'
 import { ARRAYS, Headlights, Indicators, TailLights } from '../src/messages'
 import { Store } from '../src/store'
 import type { PageMessage, Port, WorkerMessage } from '../src/worker/port'
@@ -123,9 +133,13 @@ export function connectedPage(vehicles: readonly string[] = ['V1']) {
   return { store, connection, socket }
 }
 
-export function welcome(): ServerMessage {
+export function welcome(values: Partial<Welcome> = {}): Welcome {
   const scenarios = { plane: 'Empty plane', two_cars: 'Two cars' }
-  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '', run: null, title: '' }
+  return {
+    ...{ type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '', run: null, title: '' },
+    has_start_screen: false,
+    ...values,
+  }
 }
 
 export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene {
@@ -175,12 +189,15 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   }
 }
 
+/** No film is made. */
+export const FILM = { state: 'off', name: '', share: 0, error: '' } as const
+
 export function statusOf(values: Partial<Status> = {}): Status {
   const rates = { telemetry_rate: 0, command_rate: 0, round_trip: null, devkit: '', note: '' }
   return {
     ...{ type: 'Status', is_paused: false, speed: 1, real_time_factor: 1, late_ticks: 0, clients: 1, drivers: {} },
     bridge: { address: '127.0.0.1:4567', state: 'closed', error: '', ...rates },
-    recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '' },
+    recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '', download: '', film: FILM },
     ...{
       cameras_error: '',
       note: '',
@@ -192,6 +209,8 @@ export function statusOf(values: Partial<Status> = {}): Status {
       changes: 0,
       clock: 0,
       refused: {},
+      cameras_note: '',
+      episode: null,
       ...values,
     },
   }

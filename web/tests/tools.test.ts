@@ -277,6 +277,19 @@ describe('trails', () => {
     expect(xs(trails)).toEqual([0, expect.closeTo(0.4), NaN, 5])
   })
 
+  test('follow the places between two Frames, and take none that is older than a Frame', () => {
+    const trails = new Trails()
+    trails.add(at(0, 0), () => 0)
+    const ways = {
+      type: 'Ways' as const,
+      times: new Float64Array([0, 0.5, 1]),
+      positions: { V1: new Float64Array([9, 9, 9, 0.2, 0.1, 0, 0.3, 0.2, 0]) },
+    }
+    trails.addWays(ways, () => 0)
+    trails.add(at(1.5, 0.5), () => 0)
+    expect(xs(trails)).toEqual([0, 0.2, 0.3, 0.5].map((x) => expect.closeTo(x)))
+  })
+
   test('start again when time goes back, and keep the later half when they are full', () => {
     const trails = new Trails()
     for (let i = 0; i <= TRAIL_POINTS; i++) trails.add(at(0.1 * i, 0.0201 * i), () => 0)

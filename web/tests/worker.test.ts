@@ -50,6 +50,19 @@ test('a busy page gets the latest state, and the events of all Frames', () => {
   expect(taken()).toEqual([])
 })
 
+test('a busy page gets the places between all Frames, before the Frame that ends them', () => {
+  const { receive, taken } = workerOfBusyPage()
+  taken()
+  for (let tick = 1; tick <= 3; tick++) {
+    const positions = { V1: new Float64Array([tick, 0, 0]) }
+    receive({ type: 'Ways', times: new Float64Array([tick]), positions }, frameOf(['V1'], { tick }))
+  }
+  const [ways, frame, ...others] = taken()
+  expect(ways).toMatchObject({ type: 'Ways', times: new Float64Array([1, 2, 3]) })
+  expect(ways).toMatchObject({ positions: { V1: new Float64Array([1, 0, 0, 2, 0, 0, 3, 0, 0]) } })
+  expect([frame, ...others]).toMatchObject([{ type: 'Frame', tick: 3 }])
+})
+
 test('a busy page gets every response and error, and no Frame after a later Scene', () => {
   const { receive, taken } = workerOfBusyPage()
   taken()

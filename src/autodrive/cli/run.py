@@ -45,8 +45,9 @@ Profile: TypeAlias = Literal["2020", "2022", "2023", "2025"]
 
 
 def run(
-    scenario: str = argument(
-        "Name of a scenario (see: autodrive list scenarios), or path of its YAML file.", "mini_map"
+    scenario: str | None = argument(
+        "Name of a scenario (see: autodrive list scenarios), or path of its YAML file.  [default: chosen in the page, "
+        "mini_map without a person who chooses]",
     ),
     headless: Headless = False,
     host: Host = "127.0.0.1",
@@ -127,10 +128,15 @@ def run(
     devkit_arguments = {name.removeprefix("devkit_"): value for name, value in arguments.items()}
     _import_run()
     from autodrive.run.options import PageOptions, RunOptions
+    from autodrive.scenario import DEFAULT, START
 
+    has_person = not (headless or devkit or record or duration is not None or mode == "autonomous")
+    has_start_screen = scenario is None and has_person
     options = filled(
         RunOptions,
         arguments,
+        scenario=scenario or (START if has_start_screen else DEFAULT),
+        has_start_screen=has_start_screen,
         speed=_speed(speed),
         environment=environment(weather) if weather else {},
         devkit=address(devkit) if devkit else None,
@@ -147,8 +153,9 @@ def run_default() -> None:
     """`autodrive run` without arguments."""
     _import_run()
     from autodrive.run.options import RunOptions
+    from autodrive.scenario import START
 
-    _run(RunOptions(), opens_browser=True)
+    _run(RunOptions(START, has_start_screen=True), opens_browser=True)
 
 
 def _import_run() -> None:

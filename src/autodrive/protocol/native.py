@@ -62,6 +62,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog. `frames_of_readings`: whether the Frame of a scan or picture follows it at once, also beyond `frame_rate`.
+    `ways`: whether `Ways` are sent.
     """
 
     frame_rate: Rate | None = 60.0
@@ -73,6 +74,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     shapes: bool = False
     contacts: bool = False
     frames_of_readings: bool = False
+    ways: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -193,6 +195,7 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
 
     `share`: of the stage that is done, 0 to 1. `remaining`: estimated time until its end [s]. None: not known.
     `scene`, `frame`: the world at its start, for a picture until it runs; only in one message, as soon as it is known.
+    `scenario`: name of the scenario that is loaded. `has_start_screen`: as in the Welcome.
     """
 
     stage: str
@@ -200,6 +203,8 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
     remaining: float | None = None
     scene: Scene | None = None
     frame: Frame | None = None
+    scenario: str = ""
+    has_start_screen: bool = False
 
 
 class RunOrigin(msgspec.Struct, frozen=True):
@@ -218,6 +223,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
 
     `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none. `run`: the run that the
     simulator belongs to; None: an older simulator, which does not say. `title`: of the present scenario.
+    `has_start_screen`: the simulator was started without a scenario, and nobody has loaded one yet: a page offers them.
     """
 
     protocol: int
@@ -228,6 +234,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     folder: str = ""
     run: RunOrigin | None = None
     title: str = ""
+    has_start_screen: bool = False
 
 
 class Lamp(msgspec.Struct, frozen=True):
@@ -412,6 +419,22 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """The map as it can be edited if it is a race track."""
 
 
+class Episode(msgspec.Struct, frozen=True):
+    """The episode of an environment that is shown, and how the cars have fared in those before it."""
+
+    task: str
+    number: int
+    """The first episode is 1."""
+    cars: dict[str, Literal["drives", "succeeded", "failed"]]
+    """What each car does in this episode."""
+    gap: float | None = None
+    """How far the first car is ahead of the second one along the track [m]; None: it is no race."""
+    succeeded: int = 0
+    """Cars that succeeded in the episodes before, each counted once in each episode."""
+    ended: int = 0
+    """All cars of the episodes before, each counted once in each episode."""
+
+
 class BridgeStatus(msgspec.Struct, frozen=True):
     """State of the connection to a devkit script; `error` is the reason why there is none."""
 
@@ -443,7 +466,7 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Vehicle -> name of the client that drives it. Vehicles without a driver are omitted."""
     bridge: BridgeStatus
     cameras_error: str = ""
-    """Why there are no pictures; empty if there are, or if no client wants any."""
+    """Why the cameras failed; empty if they did not, or if no client wants pictures."""
     note: str = ""
     """A long operation in progress, for example the loading of a scenario."""
     undo: str = ""
@@ -464,6 +487,10 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """Time of the server's steady clock at which this message was made [s]; see `Request.heard`."""
     refused: dict[str, str] = {}
     """Operations that clients may not request now, with the reason, by the name of the operation, such as 'Reset'."""
+    cameras_note: str = ""
+    """Why there are no pictures although nothing failed; empty if there are, or if no client wants any."""
+    episode: Episode | None = None
+    """The episode of an environment; None: this is none."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):
@@ -479,6 +506,16 @@ class Drawn(msgspec.Struct, frozen=True, tag=True):
     name: str
     drawing: Drawing | None
     until: float
+
+
+class Ways(msgspec.Struct, frozen=True, tag=True):
+    """Where the vehicles were between two Frames, ten times in a simulated second; sent before the second Frame.
+
+    `times` [s], shape (n,). `positions` [m] by vehicle, as in `Pose`, one after the other, shape (3 n,).
+    """
+
+    times: Array
+    positions: dict[str, Array]
 
 
 class CollisionShapes(msgspec.Struct, frozen=True, gc=False):
@@ -591,6 +628,7 @@ ServerMessage: TypeAlias = (
     | Status
     | Scan
     | Drawn
+    | Ways
     | Contacts
     | Picture
     | Rendered

@@ -32,6 +32,21 @@ class SaveRecording(msgspec.Struct, frozen=True, tag=True):
     """Write the last seconds that a `StartRecording` with `keep` has kept; the recording continues."""
 
 
+class FilmRecording(msgspec.Struct, frozen=True, tag=True):
+    """Film the latest recording of this simulator, beside the simulation: `RecordingStatus.film` says how far it is.
+
+    `camera`: a scene camera, or a camera of a vehicle such as 'front'. `vehicle`: the one that it follows, or on which
+    it is; None: the first one. The film is then at the address recordings/NAME, relative to the page.
+    """
+
+    camera: Name = "Driver's Eye"
+    vehicle: Name | None = None
+
+
+class ReplayRecording(msgspec.Struct, frozen=True, tag=True):
+    """Serve the latest recording of this simulator with its page; the text of the Response is the port."""
+
+
 class PlotRecording(msgspec.Struct, frozen=True, tag=True):
     """Request curves of the recording that is shown; they are in the `curves` of the Response.
 
@@ -46,7 +61,9 @@ class PlotRecording(msgspec.Struct, frozen=True, tag=True):
     columns: Annotated[int, msgspec.Meta(ge=1, le=MAX_COLUMNS)] = 1000
 
 
-RecordingOperation: TypeAlias = StartRecording | StopRecording | SaveRecording | PlotRecording
+RecordingOperation: TypeAlias = (
+    StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording
+)
 
 # -- from the server --------------------------------------------------------------------------------------------
 
@@ -73,6 +90,18 @@ class Curve(msgspec.Struct, frozen=True):
     high: Array
 
 
+class FilmStatus(msgspec.Struct, frozen=True):
+    """State of the film that a `FilmRecording` has asked for."""
+
+    state: Literal["off", "filming", "done"] = "off"
+    name: str = ""
+    """Name of its file."""
+    share: float = 0.0
+    """How much of it is done, 0 to 1."""
+    error: str = ""
+    """Why there is no film; empty if it did not fail."""
+
+
 class RecordingStatus(msgspec.Struct, frozen=True):
     """State of the recording that this simulator makes."""
 
@@ -87,3 +116,7 @@ class RecordingStatus(msgspec.Struct, frozen=True):
     """Images and scans that were not recorded, because the disk or the processor was too slow."""
     error: str = ""
     """Why the recording ended; empty if it did not fail."""
+    download: str = ""
+    """Name of the latest recording that is complete, at the address recordings/NAME, relative to the page."""
+    film: FilmStatus = FilmStatus()
+    """The film of a recording."""

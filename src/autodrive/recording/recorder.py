@@ -35,6 +35,7 @@ from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.outputs import FileOutput, Output, RingOutput
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, StatusRecord
 from autodrive.scenario.files import files_of
+from autodrive.world import saved_world
 from autodrive.world.observer import Request, ResetTo, Restored
 from autodrive.world.simulation import Simulation
 from autodrive.world.simulation.checks import check_world
@@ -128,8 +129,26 @@ class Recorder:
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
         has_begun = threading.Event()
-        self._publish(self.world, self.world.frame)
-        if present := drawings_now(self.world.drawings, self.world.time):
+        if isinstance(source, Simulation):
+            source.between_ticks(lambda: self._begin(source, has_begun, is_whole=last is None))
+        else:
+            self._begin(source, has_begun, is_whole=last is None)
+        if self._is_threaded:
+            self._thread = threading.Thread(target=self._drain, name="autodrive-recorder", daemon=True)
+            self._thread.start()
+            while not (self.error or has_begun.wait(DRAIN_TIME)):
+                pass  # a process that is ended from now on leaves a file with its scenario
+
+    def _begin(self, source: World | Simulation, has_begun: threading.Event, *, is_whole: bool) -> None:
+        """Record the present state, and all that happens from now on; called between two ticks.
+
+        `is_whole`: the file contains all Frames from the first one on.
+        """
+        world = self.world
+        if is_whole and world.frame.tick > 0 and (state := saved_world.saved(world)) is not None:
+            self._add(lambda: self.output.attach(records.STATE, records.STATE_TYPE, state))
+        self._publish(world, world.frame)
+        if present := drawings_now(world.drawings, world.time):
             self.executed(present)
         self._add(self.output.flush)
         self._add(has_begun.set)
@@ -137,11 +156,6 @@ class Recorder:
             source.add_observer(self)
         else:
             source.observers.append(self)
-        if self._is_threaded:
-            self._thread = threading.Thread(target=self._drain, name="autodrive-recorder", daemon=True)
-            self._thread.start()
-            while not (self.error or has_begun.wait(DRAIN_TIME)):
-                pass  # a process that is ended from now on leaves a file with its scenario
 
     @property
     def world(self) -> World:

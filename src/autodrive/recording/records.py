@@ -42,6 +42,10 @@ TRANSFORMS = "/tf"
 DRAWINGS = "/drawings"
 
 
+STATE, STATE_TYPE = "state", "application/zlib"
+"""Name and type of the attachment with the state of the World at the first Frame, see `world.saved_world`."""
+
+
 def state_topic(vehicle: str) -> str:
     """Topic of the readings of a vehicle, without scans and images."""
     return f"/{vehicle}/state"

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.base.errors import SpecError
+from autodrive.base.errors import SnapshotError, SpecError
 from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
 from autodrive.protocol.native import ContactForces
 from autodrive.recording import records
@@ -22,7 +22,7 @@ from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioR
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.scenario.files import described
-from autodrive.world import OwnSensor, World
+from autodrive.world import OwnSensor, World, saved_world
 from autodrive.world.factory import new_world
 from autodrive.world.observer import Request, ResetTo, Restored, SensorAdded, SetPoses
 from autodrive.world.simulation import Simulation
@@ -129,13 +129,17 @@ def _each_frame(
     watches_contacts: bool = False,
 ) -> Generator[tuple[float, Frame, _Again]]:
     """Time [s] and recorded Frame of each recorded tick, and the simulation, which has all that came before it."""
-    if not recording.scenario.is_start or recording.start_tick:
+    is_start = recording.scenario.is_start and not recording.start_tick
+    if not is_start and records.STATE not in recording.attachments:
         raise RecordingError(
             f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
-            "simulated again: record from the start, without --record-last"
+            "simulated again: it has no state to begin with, because it contains the last seconds only, a race, or "
+            "sensors of the user; record those from the start, without --record-last"
         )
     with ExitStack() as stack:
         again = _Again(recording, stack, changed, own_sensors, watches_contacts=watches_contacts)
+        if not is_start:
+            again.begin(recording.attachment(records.STATE), recording.frame_at(recording.start))
         for time, record in recording.sequence():
             if isinstance(record, Frame):
                 yield time, record, again
@@ -197,6 +201,14 @@ class _Again:
                 f"command line --sensor {vehicle}/{name}=FILE.py:CLASS"
             )
         world.add_sensor(vehicle, name, kind())
+
+    def begin(self, state: bytes, frame: Frame) -> None:
+        """Begin in the middle of a run, with that state and the first Frame of the recording."""
+        try:
+            saved_world.restore(self._simulation.world, state, frame)
+        except SnapshotError as error:
+            raise RecordingError(f"the recording cannot be simulated again from its start: {error}") from None
+        self._events = frame.events
 
     def take(self, record: object) -> None:
         """A scenario, commands or a request."""

@@ -22,6 +22,8 @@ class RunOptions:
 
     scenario: str = DEFAULT
     """Name of a scenario, or path of its YAML file."""
+    has_start_screen: bool = False
+    """Whether nobody has chosen `scenario`: the page offers all scenarios until one is loaded."""
     mode: DrivingMode | None = None
     """Whether a person ("manual") or a script ("autonomous") drives. None: autonomous if `devkit` is set."""
     duration: float | None = None

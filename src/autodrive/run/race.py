@@ -37,7 +37,14 @@ from autodrive.protocol.messages import (
     Step,
 )
 from autodrive.protocol.native import DescribeVehicle, DescribeWeather, Drive, SetCamera, ViewSensor
-from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
+from autodrive.protocol.replay import (
+    FilmRecording,
+    PlotRecording,
+    ReplayRecording,
+    SaveRecording,
+    StartRecording,
+    StopRecording,
+)
 from autodrive.run.options import RunOptions
 from autodrive.run.race_seat import Seat
 from autodrive.run.runner import Refusal, Run, RunObserver, StopRequest, images_by, opened
@@ -64,7 +71,7 @@ OPAQUE = "The script may run code that its digest does not contain ({})"
 ALLOWED = (
     *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
     *(SetCamera, ViewSensor, DescribeVehicle, DescribeWeather),
-    *(StartRecording, StopRecording, SaveRecording, PlotRecording),
+    *(StartRecording, StopRecording, SaveRecording, FilmRecording, ReplayRecording, PlotRecording),
 )
 """Operations of viewers that a race takes: those of a marshal, and what only changes the view."""
 

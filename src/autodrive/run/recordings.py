@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
-from autodrive.connect.server.served import RecordingControl
-from autodrive.protocol.replay import RecordingStatus
+from autodrive.connect.server.served import PageOptions, RecordingControl
+from autodrive.protocol.replay import FilmRecording, FilmStatus, RecordingStatus
+from autodrive.run.film_process import FilmProcess
+from autodrive.run.replay_process import ReplayProcess
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.jpeg import JpegEncoder
@@ -34,7 +36,9 @@ class ClientRecordings(RecordingControl):
         scenario: Callable[[], str],
         encoder: JpegEncoder | None = None,
         bridge: Callable[[], str] = lambda: "closed",
+        page: PageOptions | None = None,
     ) -> None:
+        """`page`: host, token and origins for the page of a replay."""
         self._simulation = simulation
         self._folder = folder
         self._scenario = scenario
@@ -44,15 +48,25 @@ class ClientRecordings(RecordingControl):
         self._keep: float | None = None
         self._began = 0.0
         self._file = self._error = ""
+        self._page = page
+        self._files: dict[str, Path] = {}
+        """Recordings and films that are complete, by name."""
+        self._latest: Path | None = None
+        self._film: FilmProcess | None = None
+        self._replay: ReplayProcess | None = None
 
     @property
     def status(self) -> RecordingStatus:
         """The state now."""
         recorder = self._recorder
+        film = FilmStatus() if self._film is None else self._film.status
+        if film.state == "done" and self._film is not None:
+            self._files[film.name] = self._film.output
+        done = {"download": self._latest.name if self._latest else "", "film": film}
         if recorder is None:
-            return RecordingStatus(file=self._file, error=self._error)
+            return RecordingStatus(file=self._file, error=self._error, **done)
         if recorder.error:
-            return RecordingStatus(file=str(recorder.path), error=recorder.error)
+            return RecordingStatus(file=str(recorder.path), error=recorder.error, **done)
         duration = self._simulation.simulated_time - self._began
         path = recorder.files[-1] if recorder.files else None
         return RecordingStatus(
@@ -61,6 +75,7 @@ class ClientRecordings(RecordingControl):
             duration=duration if self._keep is None else min(duration, self._keep),
             size=_size(path) if path is not None and self._keep is None else 0,
             dropped=recorder.dropped_images + recorder.dropped_frames,
+            **done,
         )
 
     def start(self, keep: float | None) -> None:
@@ -70,7 +85,7 @@ class ClientRecordings(RecordingControl):
         self.stop_now()
         from autodrive.recording import Recorder
 
-        scenario = self._scenario()
+        scenario, began = self._scenario(), self._simulation.simulated_time
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -84,7 +99,7 @@ class ClientRecordings(RecordingControl):
             encoder=self._encoder,
             status=self._bridge,
         )
-        self._keep, self._began, self._error = keep, self._simulation.simulated_time, ""
+        self._keep, self._began, self._error = keep, began, ""
 
     def stop(self) -> str:
         """End the recording; the path of its last file, empty if nothing was saved. Raises `AutodriveError`."""
@@ -107,8 +122,49 @@ class ClientRecordings(RecordingControl):
             raise AutodriveError(recorder.error)
         if len(recorder.files) == before:
             raise AutodriveError("the last seconds are written when a second of simulated time has passed")
-        self._file = str(recorder.files[-1])
+        self._note(recorder.files[-1])
         return self._file
+
+    def film(self, request: FilmRecording) -> str:
+        """Begin to film the latest recording; the name of the film. Raises `AutodriveError`."""
+        if self._film is not None and self._film.status.state == "filming":
+            raise AutodriveError("a film is being made already")
+        recording = self._recorded()
+        output = _free_path(recording.with_suffix(".webm"))
+        self._film = FilmProcess(recording, output, request.camera, request.vehicle)
+        return output.name
+
+    def replay(self) -> str:
+        """Serve the latest recording; the port of its page. Raises `AutodriveError`."""
+        recording = self._recorded()
+        if self._replay is None or self._replay.recording != recording or not self._replay.is_running:
+            if self._replay is not None:
+                self._replay.close()
+                self._replay = None
+            self._replay = ReplayProcess(recording, self._page or PageOptions())
+        return str(self._replay.port)
+
+    def path(self, name: str) -> Path | None:
+        """The complete recording or film of that name, for a download; None: there is none."""
+        return self._files.get(name)
+
+    def close(self) -> None:
+        """End the recording, the film and the replay."""
+        self.stop_now()
+        for process in (self._film, self._replay):
+            if process is not None:
+                process.close()
+
+    def _recorded(self) -> Path:
+        """The latest recording that is complete. Raises `AutodriveError`."""
+        if self._latest is None or not self._latest.exists():
+            raise AutodriveError("nothing was recorded, or its file was removed")
+        return self._latest
+
+    def _note(self, file: Path) -> None:
+        """A recording is complete."""
+        self._file, self._latest = str(file), file
+        self._files[file.name] = file
 
     def stop_now(self) -> None:
         """End the recording if there is one."""
@@ -116,7 +172,10 @@ class ClientRecordings(RecordingControl):
         if recorder is not None:
             recorder.close()
             self._error = recorder.error
-            self._file = str(recorder.files[-1]) if recorder.files else ""
+            if recorder.files and not recorder.error:
+                self._note(recorder.files[-1])
+            else:
+                self._file = str(recorder.files[-1]) if recorder.files else ""
 
 
 def _size(path: Path) -> int:

@@ -12,6 +12,7 @@ from itertools import count
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from msgspec.structs import replace
 
 from autodrive.base.cache import check_writable, write_file
 from autodrive.base.errors import CommandError
@@ -115,6 +116,8 @@ class Run:
         if factor := self.simulation.real_time_factor:  # it was measured
             parts.append(f"x{factor:.2f}" if factor >= 0.1 else f"x{factor:.2g}")
         for name, vehicle in self.simulation.frame.vehicles.items():
+            if vehicle.is_traffic:
+                continue
             x, y, _ = vehicle.pose.position
             parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")
             if vehicle.race is not None and vehicle.race.lap_total:
@@ -233,8 +236,9 @@ def opened(
         scenario=lambda: loader.scenario,
         encoder=encoder,
         bridge=lambda: run.bridge.status,
+        page=options.page,
     )
-    stack.callback(recordings.stop_now)
+    stack.callback(recordings.close)
     if options.record is not None:
         run.recorder = stack.enter_context(_recorder(run, options.record))
     stack.callback(simulation.stop)
@@ -263,7 +267,8 @@ def _told(
         if server is not None:
             share = float(np.interp(next(numbers) / expected(), *COMPILED_SHARE))
             elapsed = time.monotonic() - begin
-            server.starting = Starting(COMPILING, share, elapsed / share - elapsed if elapsed > MIN_ELAPSED else None)
+            remaining = elapsed / share - elapsed if elapsed > MIN_ELAPSED else None
+            server.starting = replace(server.starting, stage=COMPILING, share=share, remaining=remaining)
             picture.begin()
 
     return tell
@@ -335,7 +340,9 @@ def _page_server(options: RunOptions) -> SimulationServer:
     from autodrive.connect.server.server import SimulationServer
 
     server = SimulationServer(None, options.page, page=built_page())
-    server.starting = Starting("loading the world")
+    server.starting = Starting(
+        "loading the world", scenario=options.scenario, has_start_screen=options.has_start_screen
+    )
     return server
 
 
@@ -350,10 +357,12 @@ def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
         loader.scenery,
         bridge=run.bridge,
         scenarios=loader.scenarios,
+        has_start_screen=lambda: loader.has_start_screen,
         jpeg_encoder=run.encoder,
         recording=recordings,
         own_files=UserFiles(run.options.folder),
         cameras_error=lambda: loader.cameras_error,
+        cameras_note=lambda: loader.cameras_note,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(run.options.camera_quality),
         refusal=refusal,

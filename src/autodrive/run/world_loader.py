@@ -45,6 +45,8 @@ class WorldLoader:
     def __init__(self, options: RunOptions) -> None:
         self.scenario = options.scenario
         self.cameras: CameraMonitor | None = None
+        self.has_start_screen = options.has_start_screen
+        """Whether nobody has loaded a scenario since the start without one."""
         self._options = options
         self._made: WeakKeyDictionary[World, tuple[str, CameraMonitor | None, bool]] = WeakKeyDictionary()
         """Scenario and cameras of each world, and whether an edit made it."""
@@ -112,6 +114,7 @@ class WorldLoader:
     def _begin(self, world: World) -> None:
         """Make a world the current one; the count of ticks and images goes on after an edit."""
         self.scenario, self.cameras, is_edited = self._made[world]
+        self.has_start_screen &= self._world is None
         self._world = world
         if not is_edited:
             self._tick_duration, self._ticks = world.tick_duration, 0
@@ -154,10 +157,15 @@ class WorldLoader:
 
     @property
     def cameras_error(self) -> str:
-        """Why there are no camera images; empty if there are."""
-        if self.cameras is not None:
-            return self.cameras.error
-        return "cameras are disabled by --no-cameras" if self._options.pictures == "never" else ""
+        """Why the cameras failed; empty if they did not."""
+        return "" if self.cameras is None else self.cameras.error
+
+    @property
+    def cameras_note(self) -> str:
+        """Why there are no camera images although nothing failed; empty if there are."""
+        return (
+            "the camera images are off; the option --cameras turns them on" if self._options.pictures == "never" else ""
+        )
 
     @property
     def _is_wanted(self) -> bool:

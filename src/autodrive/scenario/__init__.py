@@ -5,6 +5,7 @@ from autodrive.scenario.scenario import DEFAULT as DEFAULT
 from autodrive.scenario.scenario import FACTOR_LIMITS as FACTOR_LIMITS
 from autodrive.scenario.scenario import MAX_BOXES as MAX_BOXES
 from autodrive.scenario.scenario import MAX_VEHICLES as MAX_VEHICLES
+from autodrive.scenario.scenario import START as START
 from autodrive.scenario.scenario import BoxSpec as BoxSpec
 from autodrive.scenario.scenario import RaceSpec as RaceSpec
 from autodrive.scenario.scenario import Scenario as Scenario

@@ -35,6 +35,8 @@ from autodrive.scenario.vehicles.spec import GRAVITY
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
+START = "traffic"
+"""Name of the scenario that runs behind the start screen of the page."""
 FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
 """Least and greatest factor of a vehicle, see `VehiclePlacement`."""
 SHORTEST_SUBSTEP = 1e-5

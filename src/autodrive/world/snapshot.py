@@ -36,7 +36,8 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors
     race = c.race.identity if c.race else ""
     if c.spec.traffic.cars:
-        parts = *parts, c.spec.traffic, [lane.points.tolist() for lane in c.map.lane_graph.lanes]
+        traffic = c.spec.traffic.model_copy(update={"type": ""})  # a name or a file; the tables have its values
+        parts = *parts, traffic, [lane.points.tolist() for lane in c.map.lane_graph.lanes]
     if c.map.traffic_lights:
         parts = *parts, all_programs(c.map.light_programs, c.spec.light_programs), c.map.traffic_lights
     if c.spec.v2x is not None:

@@ -23,6 +23,7 @@ import autodrive
 from autodrive import AutodriveError, Frame, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
+from autodrive.connect.devkit import Server
 from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import DevkitSettings, Side
 from autodrive.protocol.messages import (
@@ -504,6 +505,18 @@ def test_a_flood_of_commands_does_not_stop_the_simulation_and_is_not_answered_in
         wait_until(lambda: bridge.counters.commands_received > 5000)
         wait_until(lambda: simulation.ticks > ticks + 20)
         assert bridge.counters.telemetry_sent <= simulation.ticks + 2
+
+
+def test_the_status_says_that_a_script_has_ended_until_another_one_runs(simulation: Simulation) -> None:
+    script = Server(lambda data: {"V1 Throttle": "0.1"}, port=0)
+    port = script.port
+    with DevkitBridge(simulation, "127.0.0.1", port) as bridge:
+        wait_until(lambda: bridge.status == "connected" and bridge.counters.commands_received > 0)
+        script.close()
+        text = f"the script at 127.0.0.1:{port} has ended; the simulator connects again when it runs"
+        wait_until(lambda: bridge.error == text)
+        bridge.connect("127.0.0.1", free_port())
+        wait_until(lambda: bridge.error.startswith("no script at 127.0.0.1:"))
 
 
 def test_the_bridge_reconnects_after_a_break_within_a_websocket_frame(simulation: Simulation) -> None:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from autodrive.connect.server.connected_client import ConnectedClient
 from autodrive.connect.server.encoded_frames import EncodedFrames
+from autodrive.connect.server.ways import WayNotes
 from autodrive.protocol.codec import decode_server
 from autodrive.protocol.messages import Frame
 from autodrive.protocol.native import Subscribe
@@ -23,7 +24,7 @@ class Road:
 
     def __init__(self, frame_rate: float | None) -> None:
         self.stream = EncodedFrames(None)
-        self.viewer = ConnectedClient("one", self.stream)
+        self.viewer = ConnectedClient("one", self.stream, WayNotes())
         self.viewer.subscribe(Subscribe(frame_rate=frame_rate, scans=True))
         self.sent: list[str] = []
         """What was sent: the names of messages, Frames with their tick."""

@@ -256,7 +256,7 @@ def test_the_page_shows_the_car(capsys: pytest.CaptureFixture[str]) -> None:
             assert shown[0].tobytes() == expected[0].tobytes()
         while client.frame.tick < 20:
             client.wait(timeout=60.0)
-        with pytest.raises(autodrive.AutodriveError, match="this is an environment.*Reset is refused"):
+        with pytest.raises(autodrive.AutodriveError, match=r"this is an environment.*Reset is refused"):
             client.reset()
         assert set(client.status.refused) >= {"Reset", "LoadScenario", "Place", "UseMap", "ConnectBridge"}
         assert "Pause" not in client.status.refused

@@ -92,10 +92,11 @@ def test_a_recording_that_does_not_begin_at_a_start_has_none_and_says_why(
 ) -> None:
     world = autodrive.make("plane")
     world.step()
-    path = tmp_path / "late.mcap"
-    with Recorder(path, world, name="plane"):
-        world.step()
-    again = ForcesAgain(path)
+    with Recorder(tmp_path / "late.mcap", world, name="plane", last=5.0) as recorder:
+        recorder.save()
+        for _ in range(110):
+            world.step()
+    again = ForcesAgain(recorder.files[0])
     with caplog.at_level(logging.WARNING):
         assert known(again, 1.0) == {}
     assert "not at the start of a run" in caplog.text

@@ -87,7 +87,8 @@ def test_the_centre_line_of_a_map_alone_is_found(bean: Track, folder: Path) -> N
     assert track.length == pytest.approx(bean.length - 0.314, rel=0.01)
     for x, y in track.centre_line[:, :2]:
         assert bean.project(x, y)[1] == pytest.approx(0.05, abs=0.04)
-    reverse, _ = import_track(folder / "bean_map.yaml", ImportOptions(is_reversed=True, start=(0.0, 2.2)))
+    reverse, warnings = import_track(folder / "bean_map.yaml", ImportOptions(is_reversed=True, start=(0.0, 2.2)))
+    assert not [text for text in warnings if "start line" in text]  # it was chosen
     assert bean.project(*reverse.start_pose[:2])[0] == pytest.approx(bean.project(0.0, 2.2)[0], abs=0.2)
     assert abs(math.remainder(reverse.start_pose[2], 2.0 * math.pi)) < 0.3  # at the top, clockwise: along +x
     with pytest.raises(SpecError, match=r"not free at \(0\.00, 1\.55\), .*: the start point is on a wall or outside"):

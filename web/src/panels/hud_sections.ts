@@ -2,6 +2,7 @@
 import type { HudRow } from '../channels'
 import { HUD_ROWS } from '../channels'
 import { lapTime } from '../lap_time'
+import { touched } from '../log'
 import type { Frame } from '../messages'
 import { RaceStatus } from '../messages'
 import { h, setText } from './element'
@@ -111,7 +112,7 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       const count = vehicle?.collision_count ?? 0
       collisions.dataset.state = count > 0 ? 'some' : 'none'
       const isShown = last !== null && count > 0
-      setText(lastCollision, isShown ? `${last.other}, ${fixed(last.impulse)} N s` : '')
+      setText(lastCollision, isShown ? `${touched(last.other, null)}, ${fixed(last.impulse)} N s` : '')
       lastCollision.title = isShown ? `Last collision, at ${clock(last.time)}` : ''
     },
   }

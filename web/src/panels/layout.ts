@@ -10,6 +10,7 @@ const WIDE = '(min-width: 1200px)'
 export function openMapForRaces(store: Store): void {
   let scene: Store['scene']['value'] = null
   store.frame.watch((frame) => {
+    if (store.status.value?.episode) return // an environment may have many tracks, of which the map would show all
     if (!frame || scene === store.scene.value || !matchMedia(WIDE).matches) return
     if (!Object.values(frame.vehicles).some(({ race }) => race && race.lap_total > 0)) return
     scene = store.scene.value

@@ -3,7 +3,8 @@
 import type { Actions } from '../actions'
 import { sentence } from '../actions'
 import type { Connection } from '../connection'
-import { scenarioTitle } from '../scenario_title'
+import type { Observable } from '../observable'
+import type { Scenarios } from '../scenarios'
 import type { Quality, Store } from '../store'
 import { bridge } from './bridge'
 import { h, setText } from './element'
@@ -12,7 +13,6 @@ import { clock, NONE } from './hud_rows'
 import { busy, disableWhenRefused } from './pending'
 import { loadPreference, savePreference } from './preferences'
 import { rangeScale } from './range_scale'
-import { mayDiscard } from './save_dialog'
 import { tabs } from './tabs'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
@@ -31,8 +31,6 @@ const QUALITIES: Record<Quality, string> = {
 const MAX_TICKS = 10000
 /** Speed: as fast as possible. */
 const MAX = 'max'
-/** Begins the names of scenarios of the user's folder. */
-const OWN = 'folder/'
 const SPEEDS = [
   ['0.25', '¼'],
   ['0.5', '½'],
@@ -47,21 +45,20 @@ const THEMES = [
   ['dark', 'Dark'],
 ] as const
 
-/** `recording` is the section that records; `showPrograms` shows programs that connect; `save` saves the edited
- * scenario, and returns whether it did. */
+/** `recording` is the section that records; `showPrograms` shows programs that connect. */
 export function menu(
   store: Store,
   connection: Connection,
   actions: Actions,
   recording: HTMLElement,
   showPrograms: () => void,
-  save: () => Promise<boolean>,
+  scenarios: Scenarios,
 ): HTMLElement {
   const parts = {
     scenario: h(
       'div',
       {},
-      scenario(store, connection, save),
+      scenario(store, scenarios),
       weather(store, actions),
       trafficLights(store, actions),
       time(store, actions),
@@ -175,56 +172,32 @@ function drivingMode(store: Store, actions: Actions): HTMLElement {
   return live(row(button, mode))
 }
 
-function scenario(store: Store, connection: Connection, save: () => Promise<boolean>): HTMLElement {
+function scenario(store: Store, scenarios: Scenarios): HTMLElement {
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
   const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
-  const select = choice('scenario', (name) => void choose(name), { 'aria-label': 'Scenario' })
-  disableWhenRefused(store, select, 'LoadScenario')
-  let isLoading = false
-
-  /** Loads another scenario; asks first if the present one has edits that are in no file. */
-  async function choose(name: string): Promise<void> {
-    if (!store.hasUnsavedEdits.value || (await mayDiscard(store, 'Another scenario', save))) await load(name)
-    else show()
-  }
-
-  async function load(name: string): Promise<void> {
-    isLoading = select.disabled = true
-    showText(error, '')
-    const title = store.welcome.value?.scenarios[name] ?? store.files.value?.[name.slice(OWN.length)]?.title ?? ''
-    showText(note, `Loading ${scenarioTitle(name, title)}…`)
-    try {
-      const isOwn = name.startsWith(OWN)
-      await connection.request(
-        isOwn ? { type: 'OpenFile', name: name.slice(OWN.length) } : { type: 'LoadScenario', name },
-      )
-    } catch (reason) {
-      showText(error, sentence(reason))
-    }
-    isLoading = false
-    select.disabled = 'LoadScenario' in store.refused.value
-    show()
-  }
+  const select = choice('scenario', (name) => void scenarios.choose(name), { 'aria-label': 'Scenario' })
+  const showAll = h(
+    'button',
+    { testid: 'all-scenarios', class: 'live', onclick: () => (store.isStartOpen.value = true) },
+    'All scenarios',
+  )
+  for (const one of [select, showAll]) disableWhenRefused(store, one, 'LoadScenario')
 
   function show(): void {
-    const scene = store.scene.value
-    const titles = { ...(scene && { [scene.scenario]: scene.title }), ...store.welcome.value?.scenarios }
-    const shown = Object.entries(titles).map(([name, title]) => [name, scenarioTitle(name, title)])
-    const own = Object.entries(store.files.value ?? {})
-      .filter(([name, { kind }]) => kind === 'scenario' && !scene?.scenario.endsWith(`/${name}`))
-      .map(([name, { title }]) => [OWN + name, `${scenarioTitle(name, title)} (${store.welcome.value?.folder})`])
-    setOptions(select, Object.fromEntries([...shown, ...own]))
-    if (isLoading) return
-    if (scene) select.value = scene.scenario
+    const { titles, loading } = scenarios
+    setOptions(select, titles)
+    select.disabled = loading.value !== '' || 'LoadScenario' in store.refused.value
+    const present = loading.value || store.scene.value?.scenario
+    if (present) select.value = present
     const activity = store.status.value?.note
-    showText(note, activity ? sentence(activity) : '')
+    const isLoading = `Loading ${titles[loading.value] ?? loading.value}…`
+    showText(note, loading.value ? isLoading : activity ? sentence(activity) : '')
   }
 
-  store.welcome.watch(show)
-  store.files.watch(show)
-  store.scene.watch(show)
-  store.status.watch((status) => (status?.note ? showText(note, sentence(status.note)) : show()))
-  return section('Scenario', select, note, error)
+  for (const one of [store.welcome, store.files, store.scene, store.status, scenarios.loading])
+    (one as Observable<unknown>).watch(show)
+  scenarios.error.watch((text) => showText(error, text))
+  return section('Scenario', select, showAll, note, error)
 }
 
 function showText(element: HTMLElement, text: string): void {

@@ -68,8 +68,8 @@ export function notices(store: Store): HTMLElement {
   store.warning.watch((text) => {
     if (text) show(sentence(text), 'warning', false)
   })
-  store.events.watch((events) => {
-    for (const event of events) if (!isDetail(event)) show(...describe(event), true)
+  store.told.watch((events) => {
+    for (const event of events) if (!isDetail(event)) show(...describe(event, store.scene.value), true)
   })
   return list
 }

@@ -1,5 +1,5 @@
 // Previews of the cameras of the vehicle, with the rate and age of their images.
-import type { Picture } from '../messages'
+import type { Picture, Status } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
 import type { HudState } from './hud_rows'
@@ -82,7 +82,7 @@ class Preview {
     const age = image && state.frame ? Math.max(0, state.frame.time - image.time) : 0
     this.canvas.style.visibility = this.shown ? 'visible' : 'hidden'
     this.element.dataset.state = this.shown ? (age > STALE_AGE ? 'stale' : 'live') : 'none'
-    const text = this.shown ? '' : statusText(state.status?.cameras_error ?? '')
+    const text = this.shown ? '' : statusText(state.status)
     setText(this.state, text)
     this.view.title = text || this.title
     setText(this.figures, this.shown ? `${fixed(this.rate(), 0)} Hz · ${ageText(age)}` : '')
@@ -118,8 +118,9 @@ class Preview {
   }
 }
 
-function statusText(error: string): string {
-  return error ? `no images: ${error}` : 'starting…'
+function statusText(status: Status | null): string {
+  if (status?.cameras_error) return `no images: ${status.cameras_error}`
+  return status?.cameras_note || 'starting…'
 }
 
 /** The age of an image [s] as text, rounded to 10 ms so that it stays readable. */

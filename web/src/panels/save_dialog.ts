@@ -54,10 +54,9 @@ async function exportMap(store: Store, files: UserFiles, name: string): Promise<
 }
 
 /** Asks whether unsaved edits may be lost. */
-export async function mayDiscard(store: Store, what: string, save: () => Promise<boolean>): Promise<boolean> {
-  const scene = store.scene.value
-  const title = scene ? scenarioTitle(scene.scenario, scene.title) : ''
-  const text = `The edits of “${title}” are not saved. ${what} discards them.`
+export async function mayDiscard(what: string, save: () => Promise<boolean>): Promise<boolean> {
+  // no title: that of the scenario is wrong if its map was replaced by another one
+  const text = `There are edits that are not saved. ${what} discards them.`
   const choices = [
     ['discard', 'Discard the edits'],
     ['save', 'Save first…', true],

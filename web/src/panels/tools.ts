@@ -31,6 +31,7 @@ export function tools(store: Store, actions: Actions): HTMLElement {
     labelled('Small map', toggleSwitch('minimap-switch', 'Key {KeyQ}', store.isMapOpen)),
     labelled('Describe the scene', toggleSwitch('describe-switch', DESCRIBE, store.isDescribed)),
     labelled('Driven lines', toggleSwitch('trails-switch', 'Key {KeyT}', store.areTrailsShown)),
+    labelled('Names of vehicles', toggleSwitch('labels-switch', LABELS, store.areLabelsShown)),
     labelled('Collision shapes', toggleSwitch('shapes-switch', SHAPES, store.areShapesShown)),
     labelled('Contact forces', toggleSwitch('forces-switch', FORCES, store.areForcesShown)),
     labelled('Axes', toggleSwitch('axes-switch', AXES, store.areAxesShown)),
@@ -38,6 +39,7 @@ export function tools(store: Store, actions: Actions): HTMLElement {
   )
 }
 
+const LABELS = 'Names above the vehicles, if there are several; those of the traffic only below the pointer'
 const SHAPES = 'What vehicles and movable boxes collide with, and fixed shapes near the vehicle (key 1)'
 const FORCES = 'Arrows for the forces of the ground on the wheels, and of collisions on the body (key 2)'
 const AXES = 'Axes of the vehicles and of their sensors: x red, y green, z blue (key 3)'

@@ -1,6 +1,6 @@
 // The marks of events on the timeline.
 import { describe } from '../log'
-import type { Mark } from '../messages'
+import type { Mark, Scene } from '../messages'
 import { contextOf } from '../panels/canvas'
 import { watchColours } from '../panels/colours'
 import { h } from '../panels/element'
@@ -49,7 +49,10 @@ export function marksCanvas(window_: TimeWindow): {
       context.fillStyle = colours.line
       context.fillRect(x, 0, 1, height)
       context.fillStyle = colours.muted
-      context.fillText(timeText(i * step, step), x + 4, height)
+      const text = timeText(i * step, step)
+      const isCut = x + 4 + context.measureText(text).width > width
+      context.textAlign = isCut ? 'right' : 'left'
+      context.fillText(text, isCut ? x - 4 : x + 4, height)
     }
     const drawn = new Set<number>()
     for (const { time, event } of marks) {
@@ -68,15 +71,15 @@ export function marksCanvas(window_: TimeWindow): {
 }
 
 /** The text about a place of the timeline: its time, and the event that is near. */
-export function textAt(marks: readonly Mark[], window_: TimeWindow, share: number, width: number): string {
+export function textAt(scene: Scene | null, window_: TimeWindow, share: number, width: number): string {
   const time = window_.timeAt(share)
   let nearest: Mark | null = null
-  for (const mark of marks) {
+  for (const mark of scene?.timeline?.marks ?? []) {
     const distance = Math.abs(window_.shareOf(mark.time) - share) * width
     if (distance <= NEAR && (!nearest || distance < Math.abs(window_.shareOf(nearest.time) - share) * width))
       nearest = mark
   }
-  return nearest ? `${preciseClock(nearest.time)} ${describe(nearest.event)[0]}` : preciseClock(time)
+  return nearest ? `${preciseClock(nearest.time)} ${describe(nearest.event, scene)[0]}` : preciseClock(time)
 }
 
 /** H:MM:SS with hundredths. */

@@ -10,6 +10,7 @@ import { RECORD } from '../panels/icons'
 import { busy, disableWhenRefused } from '../panels/pending'
 import { loadPreference, savePreference } from '../panels/preferences'
 import type { Store } from '../store'
+import { recordedCard } from './recorded_card'
 
 /** What is kept: everything, or the last seconds until they are saved. */
 const KEPT: Record<string, string> = {
@@ -26,6 +27,8 @@ export interface Recorder {
   touchButton: HTMLElement
   /** For the menu. */
   section: HTMLElement
+  /** What to do with the recording that is complete. */
+  card: HTMLElement
 }
 
 export function recorder(store: Store, actions: Actions): Recorder {
@@ -54,6 +57,7 @@ export function recorder(store: Store, actions: Actions): Recorder {
   const status = () => store.status.value?.recording
   const isOn = () => (status()?.state ?? 'off') !== 'off'
 
+  const card = recordedCard(store, actions)
   const buttons = [button, touchButton, start]
   for (const each of buttons) disableWhenRefused(store, each, 'StartRecording')
   const toggle = () => busy(buttons, startOrStop)
@@ -65,14 +69,15 @@ export function recorder(store: Store, actions: Actions): Recorder {
       if (await actions.request(request)) await nextStatus(store)
       return
     }
+    const { duration = 0 } = status() ?? {}
     const file = await actions.textOf({ type: 'StopRecording' })
-    if (file) store.notice.value = `Recorded ${file}.`
+    if (file) card.show(duration)
     if (file !== null) await nextStatus(store)
   }
 
   async function saveKept(): Promise<void> {
     const file = await actions.textOf({ type: 'SaveRecording' })
-    if (file) store.notice.value = `Saved ${file}.`
+    if (file) card.show(status()?.duration ?? 0)
   }
 
   store.status.watch((now) => {
@@ -95,6 +100,7 @@ export function recorder(store: Store, actions: Actions): Recorder {
   return {
     button,
     touchButton,
+    card: card.element,
     section: section('Recording', h('div', { class: 'tools' }, start, save), labelled('Keep', keep), state, error),
   }
 }

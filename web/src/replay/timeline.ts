@@ -190,7 +190,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
     if (isDragged) playhead.seek(window_.timeAt(share))
     hover.hidden = false
     hover.style.setProperty('--share', String(share))
-    setText(hover, textAt(playhead.timeline?.marks ?? [], window_, share, marks.element.clientWidth))
+    setText(hover, textAt(store.scene.value, window_, share, marks.element.clientWidth))
   })
   const release = (): void => {
     isDragged = false
@@ -230,7 +230,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
     const mark = playhead.jump(direction)
     if (mark) window_.follow(mark.time)
     store.notice.value = mark
-      ? `${preciseClock(mark.time)} ${describe(mark.event)[0]}.`
+      ? `${preciseClock(mark.time)} ${describe(mark.event, store.scene.value)[0]}.`
       : direction > 0
         ? 'There is no later event.'
         : 'There is no earlier event.'

@@ -101,6 +101,15 @@ export class MotionInterpolator {
     return this.state
   }
 
+  /** The state at a simulated time [s], or at the nearest one within the history. */
+  at(time: number): WorldState {
+    const [first, last] = [this.arrivals[0], this.arrivals[this.arrivals.length - 1]]
+    if (!first) return this.state
+    this.shown = Math.min(Math.max(time, first.frame.time), last.frame.time)
+    this.interpolate()
+    return this.state
+  }
+
   /** Pose of a vehicle at a simulated time [s] within the history; null if the vehicle is unknown. */
   poseAt(vehicle: string, time: number, into: PlacedObject): PlacedObject | null {
     const i = Math.max(1, this.after(time))

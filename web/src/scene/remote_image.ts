@@ -10,6 +10,8 @@ export class RemoteImage {
   private next: Rendered | null = null
   /** Whether an image was shown since the simulator began to render. */
   hasImage = false
+  /** Simulated time of the image that is shown [s]. */
+  time = 0
   /** Called after each image that is shown. */
   onImage: () => void = () => {}
 
@@ -61,7 +63,7 @@ export class RemoteImage {
   private async decode(): Promise<void> {
     this.isDecoding = true
     while (this.next) {
-      const { jpeg } = this.next
+      const { jpeg, time } = this.next
       this.next = null
       const bitmap = await createImageBitmap(new Blob([jpeg as Uint8Array<ArrayBuffer>], { type: 'image/jpeg' })).catch(
         () => null, // skip an image that cannot be decoded
@@ -73,6 +75,7 @@ export class RemoteImage {
       bitmap.close()
       if (!this.hasImage) this.resize()
       this.hasImage = true
+      this.time = time
       this.overlay.style.display = 'block'
       this.onImage()
     }

@@ -114,6 +114,7 @@ class View implements SceneView {
   private animation = 0
   /** Draws the latest image once more. */
   private draw = (): void => {}
+  private pointer: readonly [number, number] = [-1e6, -1e6]
   /** The canvas on the screen; asking the browser for each point would compute the layout of the page each time. */
   private place = new DOMRect()
 
@@ -238,10 +239,11 @@ class View implements SceneView {
     const { store, canvas } = this
     this.cleanups.push(
       store.scene.watch((scene) => void this.showScene(scene)),
+      store.ways.watch((ways) => ways && this.trails.addWays(ways, this.wheelRadius)),
       store.frame.watch((frame) => frame && this.addFrame(frame)),
       store.quality.watch(() => this.setQuality()),
       store.rendered.watch((image) => image && this.isStreamWanted && this.remote.show(image)),
-      ...[store.isEditing, store.isBuilding].map((one) => one.watch(() => this.pauseStream())),
+      ...[store.isEditing, store.isBuilding, store.isTurning].map((one) => one.watch(() => this.pauseStream())),
     )
     const change = () => {
       this.changedAt = performance.now() / 1000
@@ -249,6 +251,11 @@ class View implements SceneView {
     this.cleanups.push(...store.watchImage(change))
     const wheel = (event: WheelEvent) => this.zoom(event)
     canvas.addEventListener('wheel', wheel, WHEEL)
+    const point = ({ clientX, clientY }: PointerEvent) => {
+      this.pointer = [clientX, clientY]
+    }
+    window.addEventListener('pointermove', point)
+    this.cleanups.push(() => window.removeEventListener('pointermove', point))
     const size = new ResizeObserver(() => this.resize())
     size.observe(canvas)
     this.cleanups.push(
@@ -280,13 +287,16 @@ class View implements SceneView {
     })
   }
 
+  private readonly wheelRadius = (vehicle: string): number =>
+    this.store.scene.value?.vehicles[vehicle]?.wheel_radius ?? 0
+
   private addFrame(frame: Frame): void {
     // a Frame before the first Scene cannot be drawn
     const scene = this.store.scene.value
     if (!scene) return
     this.movedAt = performance.now() / 1000
     this.motion.add(frame, this.movedAt)
-    this.trails.add(frame, (vehicle) => scene.vehicles[vehicle]?.wheel_radius ?? 0)
+    this.trails.add(frame, this.wheelRadius)
   }
 
   /** Loads the assets of the Scene, then shows it. */
@@ -373,10 +383,10 @@ class View implements SceneView {
     return this.store.quality.value === 'stream' && !this.store.isStreamPaused.value
   }
 
-  /** The page draws the map itself while it is viewed, if it can: the simulator does not have that camera. */
+  /** The page draws the map itself while it is viewed or turns, if it can: the simulator does not have that camera. */
   private pauseStream(): void {
     const { store } = this
-    const isPaused = store.isMapViewed && this.canDraw
+    const isPaused = (store.isMapViewed || store.isTurning.value) && this.canDraw
     if (isPaused === store.isStreamPaused.value) return
     store.isStreamPaused.value = isPaused
     if (isPaused) this.remote.hide()
@@ -434,19 +444,21 @@ class View implements SceneView {
       this.drawnAt = now
       if (this.isStreamWanted) this.remote.uncover()
       else this.remote.hide()
-      if (wasDrawn && this.store.quality.value === 'auto') this.judge(dt, now)
+      const isJudged = this.store.quality.value === 'auto' && !this.store.isTurning.value
+      if (wasDrawn && isJudged) this.judge(dt, now)
     }
     this.store.imageCount.value += 1
   }
 
-  /** Whether the next image would be another one than the latest; always true unless the map is viewed. */
+  /** Whether the next image would be another one than the latest; always true if a vehicle is followed. */
   private isNew(now: number): boolean {
-    if (!this.store.isMapViewed) return true
+    const { isMapViewed, isTurning } = this.store
+    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
+    if (!isMapViewed) return !isTurning.value || now >= this.drawnAt + pause
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
     if (![matrixWorld, projectionMatrix].every((one, i) => isSame(one, this.drawnFrom[i]))) return true
-    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
     return now < this.movedAt + SETTLING && now >= this.drawnAt + pause
   }
 
@@ -454,24 +466,30 @@ class View implements SceneView {
   private render(now: number, dt: number): boolean {
     const { renderer, world, scene, store, motion, viewpoints } = this
     if (!scene || motion.isEmpty) return false
-    const state = motion.advance(performance.now() / 1000)
+    const isStream = this.isStreamed
+    const state = isStream ? motion.at(this.remote.time) : motion.advance(performance.now() / 1000)
     const followed = state.vehicles.has(store.vehicle.value) ? store.vehicle.value : [...state.vehicles.keys()][0]
     const vehicle = state.vehicles.get(followed)
     if (!vehicle) return false
     const spec = scene.vehicles[followed]
-    const isStream = this.isStreamed
     const zoom = lensZoomOf(store) * (isStream ? Math.max(1, viewpoints.camera.aspect / STREAM_ASPECT) : 1)
     // the simulator, which draws the images of Stream, has no such limit
     const freeShare = isStream || !world ? undefined : world.freeShare.bind(world)
     const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom, freeShare }
-    viewpoints.update(store.camera.value, scene, vehicle, dt, view)
+    if (store.isTurning.value && !store.isMapViewed) viewpoints.turn(scene, dt)
+    else viewpoints.update(store.camera.value, scene, vehicle, dt, view)
     if (store.isMapViewed && !isStream) {
       viewpoints.controls.enabled = false
       this.editCamera.update(viewpoints.camera, vehicle.position, store.isBuilding.value ? BUILD_DISTANCE : 1)
       showPreview(state, store.preview.value, scene)
     } else this.editCamera.close()
     up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)
-    this.labels.update(state.vehicles, followed, (x, y, z) => this.screenPoint(x, y, z), up)
+    this.labels.update(state.vehicles, store.areLabelsShown.value, {
+      ...{ viewed: followed, pointer: this.pointer, eye: viewpoints.camera.position, up },
+      isOwnHidden: store.camera.value === "Driver's Eye" && !store.isMapViewed,
+      isFarShown: store.isMapViewed,
+      project: (x, y, z) => this.screenPoint(x, y, z),
+    })
     if (isStream || !renderer || !world || !this.isNew(now)) return false
     for (const [i, one] of [viewpoints.camera.matrixWorld, viewpoints.camera.projectionMatrix].entries())
       this.drawnFrom[i].copy(one)

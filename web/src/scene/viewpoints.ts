@@ -48,6 +48,8 @@ const ORBIT_HALF_TIME = 0.09
 /** Target of the orbit, relative to the centre of the rear axle [m]. */
 const ORBIT_TARGET_AHEAD = 0.07
 const ORBIT_TARGET_HEIGHT = 0.05
+/** The slow turn around a map: distance as a share of its larger side, elevation and rate [rad, rad/s]. */
+const TURN = { distance: 0.62, elevation: 0.5, rate: 0.05, start: -2.2 }
 
 export class Viewpoints {
   readonly camera = new PerspectiveCamera(60, 16 / 9, 0.01, 1000)
@@ -56,6 +58,7 @@ export class Viewpoints {
   private godState: { pan: number; tilt: number; zoom: number } | null = null
   private placed: Orbit | null = null
   private hasLooked = false
+  private turned = TURN.start
 
   /** `store` has the places of Orbit and Fly, which the user changes here or elsewhere. */
   constructor(
@@ -97,6 +100,22 @@ export class Viewpoints {
     else this.godsEye(scene.scene_cameras[name] as GodsEye, vehicle, dt, halfLength)
     this.hasLooked = true
     this.camera.zoom = zoom
+    this.camera.updateProjectionMatrix()
+    this.camera.updateMatrixWorld()
+  }
+
+  /** Turns slowly around the middle of the map, by `dt` [s]; a user who wants no motion sees it from one place. */
+  turn({ plan }: Scene, dt: number): void {
+    const [left, bottom, right, top] = plan?.bounds ?? [-2, -2, 2, 2]
+    const distance = TURN.distance * Math.max(right - left, top - bottom)
+    if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.turned += TURN.rate * dt
+    this.controls.enabled = false
+    this.setLens(this.orbitCamera.fov, this.orbitCamera.near, this.orbitCamera.far)
+    this.camera.position
+      .copy(fromOrbit({ azimuth: this.turned, elevation: TURN.elevation, distance }))
+      .add(offset.set(0.5 * (left + right), 0.5 * (bottom + top), 0))
+    this.setDirection(this.turned + Math.PI, TURN.elevation)
+    this.camera.zoom = 1
     this.camera.updateProjectionMatrix()
     this.camera.updateMatrixWorld()
   }

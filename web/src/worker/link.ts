@@ -27,7 +27,7 @@ const decoder = new Decoder({ extensionCodec: codec, useBigInt64: false })
 
 export class Link {
   private socket: WebSocket | null = null
-  private subscription: Subscribe = { type: 'Subscribe', drawings: true }
+  private subscription: Subscribe = { type: 'Subscribe', drawings: true, ways: true }
   private retryDelay = RETRY
   /** Time of the latest message [ms], and how many of `SILENCES` have passed since. */
   private lastMessage = 0

@@ -17,14 +17,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import WebSocketException
+from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.frames import Frame as WebSocketFrame
 from websockets.protocol import Event
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.tcp import address_text, drop_dead_peer, without_brackets
 from autodrive.connect.bridge.detection import Detection
-from autodrive.connect.bridge.engineio import ConnectionEnd
+from autodrive.connect.bridge.engineio import ConnectionEnd, ServerClosed
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.metrics import Counters, Metrics, printable
 from autodrive.connect.bridge.read_limit import ReadLimit
@@ -123,7 +123,7 @@ class DevkitBridge:
             raise RuntimeError("this DevkitBridge is already started")
         self._is_closing = False
         self._retry = RETRY
-        self._metrics.error = ""
+        self._metrics.error = self._ended = ""
         self._simulation.add_sink(self)
         self._thread = threading.Thread(
             target=lambda: asyncio.run(self._connect_loop()), name="autodrive-devkit", daemon=True
@@ -133,7 +133,7 @@ class DevkitBridge:
     def connect(self, host: str, port: int) -> None:
         """Disconnect and connect to another address. Raises `AutodriveError` if it is invalid."""
         self._address = _checked_address(host, port)
-        self._metrics.error = ""
+        self._metrics.error = self._ended = ""
         self._end_attempt()
 
     def close(self) -> None:
@@ -199,7 +199,13 @@ class DevkitBridge:
                 await self._exchange(connection)
         except* (OSError, WebSocketException, ConnectionEnd, TimeoutError) as group:
             reason = group.exceptions[0]
-            self._metrics.error = printable(f"no script at {address} ({_text_of(reason)}); trying again")
+            if isinstance(reason, ConnectionClosed | ServerClosed):
+                self._ended = address
+            elif not isinstance(reason, ConnectionRefusedError):
+                self._ended = ""
+            no_script = f"no script at {address} ({_text_of(reason)}); trying again"
+            has_ended = f"the script at {address} has ended; the simulator connects again when it runs"
+            self._metrics.error = printable(has_ended if self._ended == address else no_script)
             self._metrics.warn("connection", self._metrics.error)
         except* Exception as group:
             self._metrics.error = printable(f"internal error: {group.exceptions[0]}; trying again")

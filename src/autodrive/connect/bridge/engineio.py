@@ -62,6 +62,10 @@ class ConnectionEnd(Exception):  # noqa: N818  a normal close is not an error
     """The server refused or closed the connection."""
 
 
+class ServerClosed(ConnectionEnd):
+    """The server closed the connection, as at the end of a script."""
+
+
 class EngineIoConnection:
     """Protocol state of one connection.
 
@@ -97,7 +101,7 @@ class EngineIoConnection:
             case "0", _:
                 self._read_handshake(packet[1:], now)
             case "1", _:
-                raise ConnectionEnd("the server closed the connection")
+                raise ServerClosed("the server closed the connection")
             case "2", _:
                 if len(packet) > MAX_PING:
                     raise PacketError(f"a ping of {len(packet)} characters; at most {MAX_PING} are accepted")
@@ -107,7 +111,7 @@ class EngineIoConnection:
             case "4", "0":
                 self._accept(Dialect.ENGINE_IO_4 if "{" in packet else Dialect.ENGINE_IO_3, now)
             case "4", "1":
-                raise ConnectionEnd("the server ended the session")
+                raise ServerClosed("the server ended the session")
             case "4", "4":
                 raise ConnectionEnd(f"the server refused the connection: {packet[2:200]}")
             case "4", ("2" | "3"):

@@ -18,11 +18,11 @@ from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import (
     CLOSE_PACKETS,
     Acknowledgement,
-    ConnectionEnd,
     Dialect,
     EngineIoConnection,
     Event,
     PacketError,
+    ServerClosed,
     event_packet,
     padded,
 )
@@ -119,7 +119,7 @@ class Session:
                 self._metrics.counters.bad_packets += 1
                 self._metrics.warn("packet", str(error))
             self.wake.set()
-        raise ConnectionEnd("the server closed the connection")
+        raise ServerClosed("the server closed the connection")
 
     async def send_loop(self) -> None:
         """Send packets until the connection ends. Raises `ConnectionEnd` or an error of the socket."""

@@ -300,7 +300,7 @@ class Connection:
         status = self.view.status
         if status is None:
             return ""
-        reasons = [status.note, status.cameras_error if self.subscription.picture_rate else ""]
+        reasons = [status.note, (status.cameras_error or status.cameras_note) if self.subscription.picture_rate else ""]
         if status.is_paused:
             reasons.append("the simulation is paused: sim.resume() lets it run, sim.step() runs one tick")
         return "".join(f"; {reason}" for reason in reasons if reason)

@@ -11,6 +11,7 @@ from autodrive.connect.server.encoded_frames import EncodedFrames
 from autodrive.connect.server.files import ServedFile, immutable_files
 from autodrive.connect.server.frame_queue import MAX_EVENTS, Completion, FrameQueue, FrameUpdate
 from autodrive.connect.server.remote_view import RemoteViews
+from autodrive.connect.server.ways import WayNotes
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
@@ -36,6 +37,7 @@ class Broadcast:
         self.files: dict[str, ServedFile] = {}
         """The scene files, by path."""
         self.queue = FrameQueue(served.simulation, self._take_items)
+        self.ways = WayNotes()
         self.remote_views = RemoteViews(served.renderer_factory, self.watch_contacts)
         self.note = ""
         """A long operation that runs now, for the Status."""
@@ -54,12 +56,14 @@ class Broadcast:
         """Start to send the simulation's Frames."""
         self._loop = loop
         self.queue.open(loop)
+        self._simulation.add_sink(self.ways)
         self._simulation.add_sink(self.queue)
         self.queue.publish(self._simulation.frame)
 
     async def close(self) -> None:
         """Stop sending."""
         self._simulation.remove_sink(self.queue)
+        self._simulation.remove_sink(self.ways)
         if self._loading is not None:
             self._loading.cancel()
         await self.remote_views.close()

@@ -16,6 +16,7 @@ from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
     from autodrive.connect.server.encoded_frames import EncodedFrames
+    from autodrive.connect.server.ways import WayNotes
 
 MAX_EVENTS = 1000
 """Events kept for a client that reads no Frames; the oldest are dropped."""
@@ -38,12 +39,14 @@ NO_ANSWER = Answer()
 
 
 class ConnectedClient:
-    """A client after its Hello. Used in the server's event loop. `encoded` is shared by all clients.
+    """A client after its Hello. Used in the server's event loop. `encoded` and `ways` are shared by all clients.
 
     `abort` cuts the connection off.
     """
 
-    def __init__(self, name: str, encoded: EncodedFrames, abort: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, name: str, encoded: EncodedFrames, ways: WayNotes, abort: Callable[[], None] = lambda: None
+    ) -> None:
         self.name = name
         self.abort = abort
         self.waits_since = math.inf
@@ -52,6 +55,9 @@ class ConnectedClient:
         self.is_overrun = False
         """Whether the client does not read its replies, so that it must be disconnected."""
         self._encoded = encoded
+        self._ways = ways
+        self._ways_until = -math.inf
+        """Simulated time of the latest Frame that was sent [s]."""
         self._wake = asyncio.Event()
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._replies: deque[tuple[bytes, Frame | None]] = deque()
@@ -149,6 +155,7 @@ class ConnectedClient:
             scene = self._encoded.scene
             if scene is not None and scene is not self._sent_scene:
                 self._sent_scene = scene
+                self._ways_until = -math.inf
                 self._sent_scans.clear()
                 self._sent_drawings.clear()
                 self._sent_pictures.clear()
@@ -161,6 +168,7 @@ class ConnectedClient:
                 self._unsent -= len(reply)
                 if frame is not None:
                     await self._send_readings(frame, send)
+                    await self._send_ways(frame, send)
                 await send(reply)
             while self._rendered:
                 await send(self._rendered.popitem()[1])
@@ -199,7 +207,18 @@ class ConnectedClient:
             if self.subscription.contacts and forces is not self._sent_contacts:
                 self._sent_contacts = forces
                 await send(self._encoded.contacts_bytes())
+            await self._send_ways(latest, send)
             await send(self._encoded.frame_bytes(latest, self._take_events()))
+
+    async def _send_ways(self, frame: Frame, send: Send) -> None:
+        """Send where the vehicles were since the last Frame."""
+        start, self._ways_until = self._ways_until, frame.time
+        if (
+            self.subscription.ways
+            and -math.inf < start < frame.time
+            and (ways := self._ways.between(start, frame.time))
+        ):
+            await send(encode(ways))
 
     async def _send_readings(self, frame: Frame, send: Send) -> None:
         """Send the scans and pictures of that Frame that are subscribed and were not sent yet."""

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 from uvicorn.protocols.utils import ClientDisconnected
@@ -42,6 +43,8 @@ from autodrive.protocol.native import (
 
 log = logging.getLogger(__name__)
 
+DOWNLOADS = "recordings"
+"""Folder of recordings and films, relative to the page."""
 MAX_CLIENTS = 100
 """More are refused."""
 MAX_WAIT = 10.0
@@ -94,6 +97,11 @@ class Hub:
         """The scene files, by path."""
         return self.broadcast.files
 
+    def download(self, path: str) -> Path | None:
+        """The file of a recording or a film at that path; None: there is none."""
+        folder, _, name = path.partition("/")
+        return self._served.recording.path(name) if folder == DOWNLOADS else None
+
     @property
     def client_count(self) -> int:
         """Number of connected clients; may be called from any thread."""
@@ -120,7 +128,9 @@ class Hub:
             await send({"type": "websocket.close", "code": TRY_AGAIN_LATER})
             return
         scope[IS_CLIENT] = True
-        client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
+        client = ConnectedClient(
+            self._free_name(hello.name), self.broadcast.encoded, self.broadcast.ways, scope.get(ABORT, lambda: None)
+        )
         served = self._served
         welcome = Welcome(
             PROTOCOL,
@@ -130,6 +140,7 @@ class Hub:
             served.own_files.folder,
             self._origin,
             served.simulation.world.spec.title,
+            served.has_start_screen(),
         )
         await send_bytes(encode(welcome))
         await self._serve_client(client, receive, send, send_bytes)
@@ -276,6 +287,7 @@ class Hub:
                 drivers={vehicle: client.name for vehicle, client in self._leases.drivers(now).items()},
                 bridge=self._bridge.status(now),
                 cameras_error=served.cameras_error() if self._are_pictures_wanted else "",
+                cameras_note=served.cameras_note() if self._are_pictures_wanted else "",
                 note=note or ("" if simulation.is_running else "the simulation is not running"),
                 undo=simulation.undo_name,
                 redo=simulation.redo_name,
@@ -285,6 +297,7 @@ class Hub:
                 change=self._requests.change,
                 changes=self._requests.changes,
                 clock=now,
+                episode=served.episode(),
                 refused={type(each).__name__: reason for each in OFFERED if (reason := served.refusal(each))},
             )
         )

@@ -68,6 +68,8 @@ class ServerOperations:
             replay.StartRecording: lambda request: self._record(recording.start, request.keep),
             replay.StopRecording: lambda _: self._record(recording.stop),
             replay.SaveRecording: lambda _: self._record(recording.save),
+            replay.FilmRecording: lambda request: self._record(recording.film, request),
+            replay.ReplayRecording: lambda _: self._record(recording.replay),
             replay.PlotRecording: partial(asyncio.to_thread, self._curves),
             own_files.ListFiles: partial(asyncio.to_thread, lambda _: Answer(files=served.own_files.listed())),
             own_files.SaveFile: partial(asyncio.to_thread, self._saved_file),

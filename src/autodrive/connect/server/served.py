@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Protocol
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import LoadScenario, UseMap
-from autodrive.protocol.replay import Curve, PlotRecording, RecordingStatus
+from autodrive.protocol.replay import Curve, FilmRecording, PlotRecording, RecordingStatus
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.graphics.cameras.scene_views import SceneViews
-    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.protocol.native import Drive, Episode, ServerOperation
     from autodrive.protocol.own_files import OpenFile, OwnFile
     from autodrive.world import World
     from autodrive.world.simulation.paced import Paced
@@ -59,6 +61,18 @@ class RecordingControl:
     def save(self) -> str:
         """Write the last seconds that were kept; the path of the file. Raises `AutodriveError`."""
         raise AutodriveError("nothing is recorded")
+
+    def film(self, request: FilmRecording) -> str:
+        """Begin to film the latest recording; the name of the film. Raises `AutodriveError`."""
+        raise AutodriveError("nothing was recorded")
+
+    def replay(self) -> str:
+        """Serve the latest recording; the port of its page. Raises `AutodriveError`."""
+        raise AutodriveError("nothing was recorded")
+
+    def path(self, name: str) -> Path | None:
+        """The complete recording or film of that name, for a download; None: there is none."""
+        return None
 
 
 class OwnFiles:
@@ -111,10 +125,14 @@ class Served:
     """Connected and disconnected by requests; it need not be started. None: such requests are refused."""
     scenarios: Mapping[str, str] = field(default_factory=dict)
     """Name -> title of the scenarios that clients may load with the Simulation's `load`."""
+    has_start_screen: Callable[[], bool] = lambda: False
+    """Whether nobody has chosen a scenario yet, so that a page offers them."""
     jpeg_encoder: JpegEncoder | None = None
     """Encodes the images of the sensor cameras; None: no pictures are sent."""
     cameras_error: Callable[[], str] = lambda: ""
-    """Why there are no pictures; empty if there are."""
+    """Why the cameras failed, so that there are no pictures; empty if they did not."""
+    cameras_note: Callable[[], str] = lambda: ""
+    """Why there are no pictures although nothing failed; empty if there are."""
     want_pictures: Callable[[bool], None] = lambda wanted: None
     """Called in the server's thread with True when the first client wants pictures, and with False when no client
     does."""
@@ -124,6 +142,8 @@ class Served:
     """Makes recordings on request."""
     own_files: OwnFiles = field(default_factory=OwnFiles)
     """Opens and saves the files of the user."""
+    episode: Callable[[], Episode | None] = lambda: None
+    """The present episode; None: this is no environment."""
     replay: Replayed | None = None
     """The recording that `simulation`, a Player, shows; None: it is a Simulation."""
     refusal: Callable[[ServerOperation | Drive], str] = lambda message: ""

@@ -156,6 +156,7 @@ class SimulationServer:
             self._policy,
             lambda path: page.get(path) or (self._hub and self._hub.files.get(path)) or self._still_files.get(path),
             self._serve_client,
+            lambda path: self._hub and self._hub.download(path),
         )
         config = uvicorn.Config(
             application,  # type: ignore[arg-type]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
+import re
 import time
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 from uvicorn.protocols.utils import ClientDisconnected
@@ -50,23 +53,32 @@ REFUSAL_INTERVAL = 10.0
 CHUNK = 2**16
 """A file is sent in parts of this size [bytes], so that a slow reader needs little memory."""
 
+LARGE_CHUNK = 2**20
+"""A recording or a film is read and sent in parts of this size [bytes]."""
+
 Scope = dict[str, Any]
 Receive = Callable[[], Awaitable[dict[str, Any]]]
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
 class WebApplication:
-    """Answers requests. `find` returns the file of a path; `serve` accepts a WebSocket and serves its client."""
+    """Answers requests.
+
+    `find` returns the file of a path; `serve` accepts a WebSocket and serves its client; `download` returns a large
+    file, which is read piece by piece.
+    """
 
     def __init__(
         self,
         policy: AccessPolicy,
         find: Callable[[str], ServedFile | None],
         serve: Callable[[Scope, Receive, Send], Awaitable[None]],
+        download: Callable[[str], Path | None] = lambda path: None,
     ) -> None:
         self._policy = policy
         self._find = find
         self._serve = serve
+        self._download = download
         self._log_throttle = LogThrottle(REFUSAL_INTERVAL, time.monotonic)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -94,7 +106,11 @@ class WebApplication:
         elif scope["method"] not in {"GET", "HEAD"}:
             await _answer(send, 405, "only GET and HEAD are allowed")
         else:
-            await self._send_file(path, headers, send, has_body=scope["method"] == "GET")
+            has_body = scope["method"] == "GET"
+            if large := self._download(path):
+                await _send_large(large, send, has_body=has_body)
+            else:
+                await self._send_file(path, headers, send, has_body=has_body)
 
     async def _send_file(self, path: str, headers: dict[bytes, bytes], send: Send, *, has_body: bool) -> None:
         file = self._find(path or "index.html")
@@ -124,6 +140,35 @@ class WebApplication:
         can_be_named = is_host(host) and not host.startswith("[")  # a content policy has no IPv6 addresses
         websockets = f"ws://{host} wss://{host}" if can_be_named else ""
         return CONTENT_POLICY.format(websockets=websockets, origins=" ".join(self._policy.allowed_origins)).encode()
+
+
+async def _send_large(path: Path, send: Send, *, has_body: bool) -> None:
+    """Send a file that the browser saves."""
+    try:
+        file = await asyncio.to_thread(path.open, "rb")
+    except OSError as error:
+        await _answer(send, 404, f"'{path.name}' cannot be read: {error.strerror}")
+        return
+    with file:
+        size = os.fstat(file.fileno()).st_size
+        lines = [
+            (b"content-type", b"application/octet-stream"),
+            (b"content-disposition", f'attachment; filename="{_plain(path.name)}"'.encode()),
+            (b"content-length", str(size).encode()),
+            (b"cache-control", b"no-store"),
+            *HEADERS,
+        ]
+        await send({"type": "http.response.start", "status": 200, "headers": lines})
+        left = size if has_body else 0
+        while left > 0 and (data := await asyncio.to_thread(file.read, min(left, LARGE_CHUNK))):
+            left -= len(data)
+            await send({"type": "http.response.body", "body": data, "more_body": True})
+    await send({"type": "http.response.body", "body": b""})
+
+
+def _plain(name: str) -> str:
+    """The name of a file without characters that have a meaning in a header."""
+    return re.sub(r"[^\w .-]", "_", name, flags=re.ASCII)
 
 
 async def _answer(send: Send, status: int, text: str, prefix: str = "http", *, is_last: bool = False) -> None:

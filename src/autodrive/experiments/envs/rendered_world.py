@@ -11,6 +11,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from autodrive.base.errors import CommandError, EngineError, SpecError
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Ground
     from autodrive.graphics.cameras.backend import CameraBackend
     from autodrive.graphics.render.renderer import Renderer
-    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.protocol.native import Drive, Episode, ServerOperation
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.compile import CompiledScenario
     from autodrive.world.readings import Readings
@@ -99,6 +100,8 @@ class RenderedWorld:
             check_cameras(self._compiled, self.commanded_names)
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
+        self._episode: Episode | None = None
+        """What the page is told; set in the thread of the environment."""
         self._open = ExitStack()
         if settings.render_mode == "human":
             self._serve()
@@ -136,9 +139,33 @@ class RenderedWorld:
         """Start an episode; the arguments are those of `BatchWorld.reset`, with one world."""
         self._check_open()
         self._due = time.monotonic()
+        self._begin_episode()
         starts: dict[str, Ground] = {name: np.asarray(pose)[0].tolist() for name, pose in poses.items()}
         self.world.reset(int(seeds[0]), poses=starts, weather=weather[0] if weather else None)
         return self.readings
+
+    def _begin_episode(self) -> None:
+        from autodrive.protocol.native import Episode  # noqa: PLC0415
+
+        before = self._episode
+        task = self._settings.task or self._compiled.spec.title or self._compiled.spec.map_name
+        cars = dict.fromkeys(self.commanded_names, "drives")
+        if before is None:
+            self._episode = Episode(task, 1, cars)
+        else:
+            succeeded = before.succeeded + sum(state == "succeeded" for state in before.cars.values())
+            ended = before.ended + len(before.cars)
+            self._episode = Episode(task, before.number + 1, cars, succeeded=succeeded, ended=ended)
+
+    def tell(self, has_ended: ArrayLike, is_success: ArrayLike, gap: float | None = None) -> None:
+        """Tell the page whether the episode of each car that obeys commands has ended, and with success, shape (v,).
+
+        `gap`: see `protocol.native.Episode`.
+        """
+        assert self._episode is not None, "no episode has begun"
+        states = np.where(is_success, "succeeded", np.where(has_ended, "failed", "drives")).tolist()
+        cars = dict(zip(self.commanded_names, states, strict=True))
+        self._episode = structs.replace(self._episode, cars=cars, gap=gap)
 
     def step(self, commands: NDArray[Any], ticks: int, worlds: NDArray[np.bool_] | None = None) -> Readings:
         """Run the ticks of one action; the arguments are those of `BatchWorld.step`, with one world."""
@@ -215,7 +242,7 @@ class RenderedWorld:
 
         self._simulation = Simulation(self.world, speed=None)
         scene_files = partial(SceneFiles.of, scenario=self._settings.task or "")
-        served = Served(self._simulation, scene_files, refusal=_refusal)
+        served = Served(self._simulation, scene_files, refusal=_refusal, episode=lambda: self._episode)
         server = SimulationServer(served, PageOptions(port=self._port), page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)

@@ -32,7 +32,10 @@ class ShownVectorEnv(DrivingVectorEnv):
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Drive each car with its action, also after its episode has ended; see `DrivingVectorEnv.step`."""
         self._has_ended[:] = False
-        return super().step(actions)
+        result = super().step(actions)
+        _, _, terminated, truncated, info = result
+        self.batch.tell(terminated | truncated, info["is_success"])
+        return result
 
 
 class ShownCarsVectorEnv(ShownVectorEnv, SeveralCarsVectorEnv):  # pyright: ignore[reportIncompatibleVariableOverride]

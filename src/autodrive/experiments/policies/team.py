@@ -225,7 +225,7 @@ class _Tally:
     def __init__(self, task: Task, count: int) -> None:
         self._cars = len(task.scenario.vehicles)
         self._is_race = isinstance(task, Duel)
-        self.is_over, self._is_success = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        self.is_over, self.is_success = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         self._has_collided, self._is_hit = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
 
     def add(self, ends: Bools, is_success: Bools, cars: CarReadings, memory: Floats) -> None:
@@ -236,13 +236,13 @@ class _Tally:
             both = collides.reshape(-1, 2).all(axis=1)
             driven = memory[:, DRIVEN].reshape(-1, 2)
             self._is_hit |= (both.reshape(-1, 1) & (driven > driven[:, ::-1])).ravel()
-        self._is_success |= now & is_success
+        self.is_success |= now & is_success
         self._has_collided |= collides
         self.is_over |= ends
 
     def results(self, cars: int) -> Results:
         """The results of all episodes."""
-        columns = self._is_success, self._has_collided, self._has_collided & ~self._is_hit
+        columns = self.is_success, self._has_collided, self._has_collided & ~self._is_hit
         return Results(*(column.reshape(-1, cars) for column in columns))
 
 
@@ -264,6 +264,8 @@ def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
         outcome = seen.advance(cars, np.repeat(readings.is_unstable, len(names)))
         is_late = step + 1 == team.steps
         tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)
+        driven = seen.memory[:, DRIVEN] if isinstance(task, Duel) else None
+        rendered.tell(tally.is_over, tally.is_success, None if driven is None else float(driven[0] - driven[1]))
         if tally.is_over.all():
             break
     return tally.results(len(names))

@@ -163,7 +163,7 @@ def _track(
             walls = _walls(ros_map, line, options, warnings)
         if rows is None:
             rows = middle_line(walls)
-            text = "direction and start line are guesses"
+            text = "the direction is a guess" if options.start else "direction and start line are guesses"
             if race is not None:
                 rows, text = _along(rows, race), "direction and start line are those of the race line"
             warnings.append(

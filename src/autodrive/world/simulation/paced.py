@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import reprlib
 import threading
@@ -10,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame, Operation
@@ -24,6 +25,15 @@ if TYPE_CHECKING:
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
+
+CALL_CHECK = 0.1
+"""Who waits for a call looks this often whether the run has ended [s]."""
+
+
+class Call(NamedTuple):
+    """A function that is called between two ticks."""
+
+    function: Callable[[], None]
 
 
 class Execution(Future[Frame]):
@@ -56,7 +66,7 @@ class Paced(Publisher, ABC):
         self._clock: Clock = clock or WallClock()
         self._is_paused = is_paused
         self._keeps_running = keeps_running
-        self._requests: deque[tuple[Operation, Execution]] = deque()
+        self._requests: deque[tuple[Operation | Call, Execution]] = deque()
         self._mailbox = threading.Condition()
         self._thread: threading.Thread | None = None
         self._is_stopping = False
@@ -161,6 +171,20 @@ class Paced(Publisher, ABC):
     def _execute(self, request: Operation) -> None:
         """Execute a request; called in the thread."""
 
+    def _call(self, call: Call) -> None:
+        """Call the function between two ticks, and return after it; it does not wait for a run that has ended."""
+        done = Execution()
+        if self.is_running and self._thread is not threading.current_thread():
+            self._post(call, done)
+            while self.is_running:
+                with contextlib.suppress(TimeoutError):
+                    done.result(CALL_CHECK)
+                    return
+            if not done.cancel():
+                done.result()
+                return
+        call.function()
+
     def _run_here(self, loop: Callable[[], None]) -> None:
         """Run in the caller's thread."""
         self._claim(threading.current_thread())
@@ -174,7 +198,7 @@ class Paced(Publisher, ABC):
         self._claim(thread)
         thread.start()
 
-    def _post(self, request: Operation, done: Execution) -> Execution:
+    def _post(self, request: Operation | Call, done: Execution) -> Execution:
         """Leave a request for the thread."""
         with self._mailbox:
             self._requests.append((request, done))
@@ -198,7 +222,10 @@ class Paced(Publisher, ABC):
             if not done.set_running_or_notify_cancel():
                 continue
             try:
-                self._execute(request)
+                if isinstance(request, Call):
+                    request.function()
+                else:
+                    self._execute(request)
             except Exception as error:
                 done.set_exception(error)
                 if not isinstance(error, AutodriveError):

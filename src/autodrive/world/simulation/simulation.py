@@ -42,7 +42,7 @@ from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
 from autodrive.world.observer import Observer
 from autodrive.world.simulation.checks import check_driven, check_request, check_speed, check_world
-from autodrive.world.simulation.paced import Execution, Paced
+from autodrive.world.simulation.paced import Call, Execution, Paced
 
 if TYPE_CHECKING:
     from autodrive.scenario.descriptions import Descriptions
@@ -210,6 +210,10 @@ class Simulation(Paced):
         with self._mailbox:
             self._observers = (*self._observers, observer)
         self.add_sink(observer)
+
+    def between_ticks(self, function: Callable[[], None]) -> None:
+        """Call a function in the thread that uses the World, between two ticks; returns after it."""
+        self._call(Call(function))
 
     def remove_observer(self, observer: Observer) -> None:
         """Tell `observer` nothing more; does nothing if it was not added."""

@@ -1,0 +1,157 @@
+import { beforeEach, describe, expect, test, vi } from 'vitest'
+
+import { Actions } from '../src/actions'
+import { banner } from '../src/panels/banner'
+import { h } from '../src/panels/element'
+import { start } from '../src/panels/start'
+import { Scenarios } from '../src/scenarios'
+import { stillOf } from '../src/stills'
+import { FakeSocket, frameOf, newPage, sceneOf, statusOf, welcome } from './support'
+
+const TITLES = { traffic: 'Town', practice: 'Track', traffic_rain: 'Rain', plane: 'Plane', parking: 'Lot' }
+const offered = welcome({ scenarios: TITLES, has_start_screen: true })
+const starting = {
+  ...{ type: 'Starting' as const, stage: 'loading the world', share: null, remaining: null, scene: null, frame: null },
+  ...{ scenario: 'traffic', has_start_screen: true },
+}
+
+beforeEach(() => {
+  document.body.replaceChildren()
+  location.hash = ''
+})
+
+function get<Kind extends HTMLElement = HTMLElement>(testid: string): Kind {
+  const element = document.querySelector<Kind>(`[data-testid='${testid}']`)
+  if (!element) throw new Error(`no element '${testid}'`)
+  return element
+}
+
+const settle = () => new Promise((done) => setTimeout(done))
+
+function page() {
+  const { store, connection } = newPage()
+  const actions = new Actions(store, connection)
+  const line = banner(store, actions)
+  const hints = h('section', {}, line)
+  const openFiles = vi.fn(async () => {})
+  const scenarios = new Scenarios(store, connection, async () => true)
+  document.body.append(hints, ...start(store, actions, scenarios, openFiles, line))
+  const socket = FakeSocket.latest
+  socket.open()
+  return { store, socket, hints, line, openFiles }
+}
+
+/** The simulator is ready, with the scenario behind the start screen. */
+function ready(socket: FakeSocket): void {
+  socket.receive(offered)
+  socket.receive(sceneOf(['V1'], 'traffic'))
+  socket.receive(statusOf())
+  socket.receive(frameOf())
+}
+
+const isOpen = () => get<HTMLDialogElement>('start').open
+
+describe('the start screen', () => {
+  test('is there while the simulator starts, with its steps, and a card that is chosen waits for it', async () => {
+    const { store, socket, hints, line } = page()
+    expect(isOpen()).toBe(false)
+    socket.receive(starting)
+    expect([isOpen(), store.isTurning.value]).toEqual([true, true])
+    expect(get('start').contains(line)).toBe(true)
+    expect(line.textContent).toContain('Loading the world.')
+    get('start-race').click()
+    expect(isOpen()).toBe(false)
+    expect(hints.contains(line)).toBe(true)
+    expect(get('still-text').textContent).toBe('Race follows…')
+    expect(get('still').dataset.name).toBe('practice')
+    store.camera.value = 'Orbit'
+    ready(socket)
+    expect(isOpen()).toBe(false)
+    expect(socket.request).toEqual({ type: 'LoadScenario', name: 'practice' })
+    expect(get('still-text').textContent).toBe('Loading Race…')
+    socket.receive(sceneOf(['R1'], 'practice'))
+    socket.respond(frameOf(['R1']))
+    await settle()
+    expect([store.camera.value, store.vehicle.value, store.isTurning.value]).toEqual(["Driver's Eye", 'R1', false])
+    expect(get('still').hidden).toBe(false)
+    store.shownScene.value = store.scene.value
+    expect(get('still').hidden).toBe(true)
+  })
+
+  test('enters a scenario that runs at once, and the build mode of an empty one', async () => {
+    const { store, socket } = page()
+    ready(socket)
+    expect(isOpen()).toBe(true)
+    socket.receive(statusOf({ is_paused: true }))
+    get('start-build').click()
+    expect(socket.request).toEqual({ type: 'LoadScenario', name: 'plane' })
+    socket.receive(sceneOf(['V1'], 'plane'))
+    socket.respond(frameOf())
+    await settle()
+    expect(socket.request).toEqual({ type: 'Resume' })
+    socket.respond(frameOf())
+    await settle()
+    expect(store.isBuilding.value).toBe(true)
+  })
+
+  test('lists all scenarios and says which one runs; an error of the choice is shown', async () => {
+    const { store, socket } = page()
+    ready(socket)
+    const names = [...document.querySelectorAll<HTMLElement>('.all button')]
+    expect(names.map(({ textContent }) => textContent)).toEqual(Object.values(TITLES))
+    expect(get('start-scenario-traffic').getAttribute('aria-current')).toBe('true')
+    expect(get('start-scenario-plane').hasAttribute('aria-current')).toBe(false)
+    get('start-scenario-plane').click()
+    socket.respond('out of memory')
+    await settle()
+    expect(store.error.value).toBe('Out of memory.')
+    expect(get('still-text').hidden).toBe(true)
+  })
+
+  test('is not shown again after it was closed, for a link that names something, or if a scenario was chosen', () => {
+    const { socket } = page()
+    socket.receive(starting)
+    get('start-close').click()
+    ready(socket)
+    expect(isOpen()).toBe(false)
+    document.body.replaceChildren()
+    location.hash = '#camera=orbit'
+    ready(page().socket)
+    expect(isOpen()).toBe(false)
+    document.body.replaceChildren()
+    location.hash = ''
+    page().socket.receive(welcome())
+    expect(isOpen()).toBe(false)
+  })
+
+  test('arrow keys go from card to card', () => {
+    const { socket } = page()
+    socket.receive(starting)
+    const press = (key: string) =>
+      document.activeElement?.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }))
+    const focused = () => document.activeElement?.getAttribute('data-testid')
+    expect(focused()).toBe('start-town')
+    press('ArrowRight')
+    expect(focused()).toBe('start-rain')
+    press('ArrowLeft')
+    expect(focused()).toBe('start-town')
+  })
+
+  test('a file that is chosen before the simulator is ready is opened when it is', async () => {
+    const { socket, openFiles } = page()
+    socket.receive(starting)
+    const file = new File(['title: Mine'], 'mine.yaml')
+    const input = get<HTMLInputElement>('start-file')
+    Object.defineProperty(input, 'files', { value: [file], configurable: true })
+    input.dispatchEvent(new Event('change'))
+    expect(openFiles).not.toHaveBeenCalled()
+    ready(socket)
+    await settle()
+    expect(openFiles).toHaveBeenCalledWith([file])
+  })
+})
+
+test('a scenario without a still picture shows none', () => {
+  expect(stillOf('traffic')).toContain('traffic')
+  expect(stillOf('folder/mine.yaml')).toBeNull()
+})
