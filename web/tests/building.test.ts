@@ -281,8 +281,9 @@ test('a piece that is chosen with a key begins at the first open end to which it
   card('straight')?.click() // without a pointer
   expect(builder.hand.value).toMatchObject({ target: { part: 'road', name: 'east' }, part: { x: expect.closeTo(0.6) } })
   press('Escape')
-  card('lane')?.click()
-  expect(builder.hand.value).toMatchObject({ target: null, part: { module: 'lane' } })
+  card('lane')?.click() // it fits to no end: the nearest free place
+  expect(builder.hand.value).toMatchObject({ target: null, part: { module: 'lane', y: expect.closeTo(0) } })
+  expect((builder.hand.value as { part: MapModule }).part.x).toBeGreaterThan(0.6)
   press('Escape')
   card('straight')?.dispatchEvent(new MouseEvent('click', { bubbles: true, detail: 1 }))
   expect(builder.hand.value).toMatchObject({ target: null })

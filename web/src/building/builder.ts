@@ -13,6 +13,7 @@ import {
   connectedParts,
   fittingModules,
   fittingPorts,
+  freePlace,
   freePorts,
   groupSnap,
   inMap,
@@ -138,14 +139,14 @@ export class Builder {
     }
   }
 
-  /** Takes a new module at the first open end to which it fits; without one, at a place. */
+  /** Takes a new module at the first open end to which it fits; without one, at the free place nearest to `at`. */
   takeAtEnd(name: string, at: Point): void {
     const module = this.scene?.modules[name]
     const ends = this.scene ? freePorts(this.scene).filter(({ state }) => state !== 'open') : []
     const end = module && ends.find(({ width }) => fittingPorts(module, width).length > 0)
     this.select()
     if (end) this.join(name, end, this.portAfter(name, end))
-    else this.take(name, at)
+    else if (module && this.scene) this.take(name, freePlace(this.scene, [module.length, module.width], at))
     if (end) this.actions.view?.showPlace(end.x, end.y)
   }
 

@@ -21,6 +21,9 @@ export interface PortPlace extends Pose {
 const SAME = 1e-3
 /** Distance at which the pointer, and a port of the piece in hand, snap to a port [CSS pixels]. */
 const REACH = { pointer: 36, port: 22 }
+/** Distance of the places that are tried for a new piece [m], and how many circles of them. */
+const GRID = 0.3
+const RINGS = 60
 /** How far from a thin part the pointer still hits it [m]. */
 const SLACK = 0.06
 
@@ -206,6 +209,30 @@ export function partAt(scene: MapScene, at: Point): string {
   return found
 }
 
+/** The place nearest to `at` where a rectangle of that size touches no part but lawns; `at` if there is none near. */
+export function freePlace(scene: MapScene, size: Point, [x, y]: Point): Point {
+  const isLawn = (part: MapPart): boolean => part.type === 'MapModule' && scene.modules[part.module]?.type === 'terrain'
+  const taken = Object.values(scene.parts).filter((part) => !isLawn(part))
+  const boxes = taken.map((part) => boundsOf(outlineOf(part, scene)))
+  const [dx, dy] = [0.5 * size[0], 0.5 * size[1]]
+  for (let ring = 0; ring < RINGS; ring++)
+    for (let i = 0; i < Math.max(1, 8 * ring); i++) {
+      const angle = (2 * Math.PI * i) / Math.max(1, 8 * ring)
+      const at: Point = [x + ring * GRID * Math.cos(angle), y + ring * GRID * Math.sin(angle)]
+      const isFree = boxes.every(
+        ([x0, y0, x1, y1]) => at[0] + dx < x0 || at[0] - dx > x1 || at[1] + dy < y0 || at[1] - dy > y1,
+      )
+      if (isFree) return at
+    }
+  return [x, y]
+}
+
+/** The least and the largest coordinates of points: x0, y0, x1, y1. */
+function boundsOf(points: readonly Point[]): [number, number, number, number] {
+  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
+  return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]
+}
+
 /** A part that is moved by dx, dy [m] and turned about its middle [rad]. */
 export function movedPart(part: MapPart, dx: number, dy: number, turn = 0): MapPart {
   if (part.type === 'MapWall')
@@ -232,8 +259,7 @@ export function middleOf(parts: readonly MapPart[], scene: MapScene): Point {
 /** The middle of an area that contains all points, and its width [m] for a camera that shows it from the south. */
 export function areaAround(points: readonly Point[]): [x: number, y: number, width: number] | null {
   if (points.length === 0) return null
-  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
-  const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)]
+  const [x0, y0, x1, y1] = boundsOf(points)
   return [0.5 * (x0 + x1), 0.5 * (y0 + y1), Math.max(x1 - x0, 1.8 * (y1 - y0))]
 }
 
