@@ -28,6 +28,7 @@ NOT_RUN_HERE = {
     r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|pre-commit) ": "changes the machine or the environment",
     r"(\.|export) ": "changes the shell",
     r"(ip|ssh) ": "needs root or another machine",
+    r"docker ": "needs a container engine; tests/test_containers.py compares its files with the command line",
     r"ray ": "starts a cluster; tests/experiments/campaigns/test_ray.py starts one",
     r"(mkdir|rosdep|colcon|ros2) ": "needs ROS 2 as its distributions install it; scripts/ros2 does the same here",
     r"cmake ": "builds for minutes what scripts/cpp also builds; tests/clients uses it",

@@ -133,9 +133,9 @@ HARDER = {
     "track_radius": (0.8, 1.4),
     "track_area": (30.0, 10.0),
     "noise": (0.0, 2.0),
-    "friction": (0.7, 1.25),
+    "friction": (0.7, 1.35),
     "mass": (0.75, 1.25),
-    "latency": (0.0, 0.055),
+    "latency": (0.0, 0.06),
 }
 DUEL = replace(
     RACE,
@@ -165,7 +165,9 @@ DUEL = replace(
 )
 PROBLEMS = {
     "race": RACE,
-    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, careful=0, rate=2e-4, decay=24000),
+    "robust": replace(
+        RACE, settings={**RACE.settings, **HARDER}, crash=120.0, careful=0, deviation=-2.0, rate=2e-4, decay=2000
+    ),
     "duel": DUEL,
     "overtake": replace(
         DUEL,

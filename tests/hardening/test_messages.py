@@ -207,6 +207,8 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
         },
         "seen": {"block": None},
     },
+    {"type": "RemoveTraffic"},
+    {"type": "InsertModule", "module": "straight_road", "part": "road", "port": "west"},
     {"type": "CloseLoop", "part": "road", "port": "west", "other": "road", "other_port": "north"},
     {"type": "UseMap", "text": "title: x\nplacements: [{module: lawn, x: 0, y: 0}]"},
     {

@@ -74,6 +74,8 @@ EDITS: st.SearchStrategy[Any] = st.one_of(
     st.builds(messages.AddBox, NEW, PLACES, PLACES, PLACES),
     st.builds(messages.AddBox, st.one_of(NEW, NAMES), NUMBERS, NUMBERS, NUMBERS, VECTORS, NUMBERS),
     st.builds(messages.RemoveBox, st.one_of(NEW, NAMES)),
+    st.builds(messages.RemoveTraffic),
+    st.builds(messages.InsertModule, st.one_of(NEW, NAMES), st.one_of(NEW, NAMES), NAMES),
     st.builds(messages.SetSensor, NAMES, SENSORS, FLAGS, st.one_of(st.none(), st.floats(1, 100), NUMBERS), NOISES),
     st.builds(messages.EditMap, st.dictionaries(st.one_of(NEW, KEYS), st.one_of(st.none(), PARTS, NUMBERS))),
     st.builds(messages.UseMap, st.one_of(SCENARIOS, NAMES)),

@@ -71,6 +71,13 @@ def set_at(tab: Tab, piece: str, x: float, y: float) -> None:
     press(tab, "Escape")
 
 
+def start_from(tab: Tab, name: str) -> None:
+    """Choose a map under Start from, which is folded when something was built."""
+    if not tab.get("build-template").is_visible():
+        tab.get("build-start").locator("summary").click()
+    tab.get("build-template").select_option(name)
+
+
 def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer, building: Tab, tmp_path: Path) -> None:
     set_at(building, "curved_road", 0.6, 0.4)
     assert len(problems(building)) == 2
@@ -94,7 +101,7 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     checked = call("check", file)
     assert checked.returncode == 0, checked.stderr
     assert "draft" not in file.read_text()
-    building.get("build-template").select_option("oval")
+    start_from(building, "oval")
     building.wait_until(lambda: len(parts(building)) == 11)
     building.get("build-file").set_input_files(file)
     building.click("discard-dialog-discard")  # the oval is not saved
@@ -177,6 +184,55 @@ def test_a_piece_is_moved_with_the_arrow_keys_and_the_whole_map_is_shown(plane: 
     tab.wait_until(lambda: "build" not in tab.page.url)
 
 
+def test_a_road_is_inserted_into_a_closed_one_and_a_piece_is_replaced(plane: PageServer, building: Tab) -> None:
+    start_from(building, "oval")
+    building.wait_until(lambda: len(parts(building)) == 11)
+    plane.request(Pause())
+    building.wait_until(lambda: building.get("build-ends").is_hidden())
+    press(building, "n")  # no end is open: it goes to the first joint
+    building.wait_until(lambda: building.get("build-set").is_enabled())
+    building.click("piece-straight_road")
+    press(building, "Enter")
+    building.wait_until(lambda: len(parts(building)) == 13)
+    assert problems(building) == []
+    assert plane.simulation.undo_name == "insert straight_road"
+    (name, *_) = (name for name, part in parts(building).items() if part.get("module") == "straight_road")
+    x, y = (parts(building)[name][key] for key in "xy")
+    building.page.evaluate("([x, y]) => autodrive.view.lookAt(x, y)", [x, y])
+    building.wait_until(lambda: on_screen(building, x, y)[0] == pytest.approx(500, abs=40))
+    building.page.mouse.click(*on_screen(building, x, y))
+    building.wait_for_text("build-selected", name)
+    assert building.get("build-replace").is_hidden()  # no other piece has its two ends
+    press(building, "Escape", "n")
+    building.wait_until(lambda: building.get("build-set").is_enabled())
+    building.click("piece-three_way_intersection")
+    press(building, "Enter")
+    building.wait_until(lambda: any(one.startswith("three_way") for one in parts(building)))
+    (name,) = (one for one in parts(building) if one.startswith("three_way"))
+    while not building.text("build-selected").startswith(name):
+        press(building, ".")
+    building.get("build-replace").locator("[data-module=four_way_intersection]").click()
+    building.wait_until(lambda: building.text("build-selected").startswith("four_way_intersection"))
+    assert name not in parts(building)
+    assert {problem["kind"] for problem in problems(building)} <= {"unconnected", "overlap"}
+
+
+def test_a_map_that_the_traffic_forbids_is_built_without_traffic(running: PageServer, new_tab: NewTab) -> None:
+    running.restart("traffic")
+    running.request(Pause())
+    tab = new_tab(size=(1000, 640)).open(running.url + "?quality=low#build=1")
+    before = set(running.frame.vehicles)
+    start_from(tab, "empty")
+    assert "no closed way of lanes" in tab.text("traffic-dialog")
+    tab.click("traffic-dialog-cancel")
+    assert set(running.frame.vehicles) == before
+    start_from(tab, "empty")
+    tab.click("traffic-dialog-remove")
+    tab.wait_until(lambda: len(parts(tab)) == 2)
+    assert not any(vehicle.is_traffic for vehicle in running.frame.vehicles.values())
+    assert running.frame.vehicles
+
+
 def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServer, building: Tab) -> None:
     building.get("build-template").select_option("oval")
     building.wait_until(lambda: len(parts(building)) == 11)
@@ -196,7 +252,11 @@ def test_a_race_track_is_replaced_by_a_map_of_the_simulator(plane: PageServer, n
     tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=low")
     tab.click("build-button")
     tab.wait_until(lambda: tab.value("store.scene.value.track_scene") is not None)
-    tab.get("build-template").select_option("oval")
+    start_from(tab, "oval")
+    tab.click("discard-dialog-cancel")
+    assert tab.value("store.scene.value.map_scene") is None
+    start_from(tab, "oval")
+    tab.click("discard-dialog-discard")
     tab.wait_until(lambda: tab.value("store.scene.value.map_scene") is not None and len(parts(tab)) == 11)
     assert tab.get("piece-curved_road").is_visible()
 

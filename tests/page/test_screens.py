@@ -158,7 +158,8 @@ def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_wi
     tab.click("touch-record")
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
     tab.click("touch-record")
-    tab.wait_for_notice("Recorded ")
+    tab.wait_for_text("recorded-text", "Recorded ")
+    tab.click("recorded-close")
     tab.page.evaluate(SHOW_CARDS)  # which a panel hides
     for panel in ("menu", "hud"):
         tab.show(panel)

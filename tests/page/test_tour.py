@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.page.test_edit import on_screen
-from tests.support.page import NewTab, PageServer, Tab, box
+from tests.support.page import NewTab, PageServer, Tab, box, overlap
 
 
 def wait_for_step(tab: Tab, title: str) -> None:
@@ -65,8 +65,12 @@ def test_all_steps_end_by_what_the_user_does(mini_map: PageServer, new_tab: NewT
     keyboard.up("w")
     tab.click("record-button")
     wait_for_step(tab, "Replay it")
-    tab.click("tour-skip")
+    tab.get("recorded-replay").wait_for()
+    assert not overlap(tab.get("recorded"), tab.get("tour"))
+    with tab.page.expect_popup() as replay:
+        tab.click("recorded-replay")
     wait_for_step(tab, "That was the tour")
+    replay.value.close()
     tab.click("tour-end")
     assert not tab.get("tour").is_visible()
     tab.page.reload()

@@ -14,6 +14,9 @@ const FLYING =
 /** [rad] */
 const ORBIT_STEP = Math.PI / 36
 
+/** Operations that the traffic of the scenario can forbid. */
+const MAP_EDITS = new Set(['EditMap', 'UseMap', 'EditTrack', 'GenerateTrack', 'ImportTrack', 'OpenFile'])
+
 /** What a request gave, or the problems because of which it failed. */
 export interface Attempt {
   response: Response | null
@@ -42,8 +45,24 @@ export class Actions {
     return text
   }
 
-  /** Sends a request; returns its Response and its text, or why it failed. */
+  /** Asks whether the traffic, which forbids an edit of the map, may be removed; the argument says why. */
+  mayRemoveTraffic: (why: string) => Promise<boolean> = () => Promise.resolve(false)
+
+  /** Sends a request; returns its Response and its text, or why it failed.
+   *
+   * If the traffic forbids an edit of the map, the user may remove the traffic.
+   */
   async attempt(operation: ServerOperation): Promise<Attempt> {
+    const result = await this.attemptOnce(operation)
+    const why = result.errors.find((error) => /traffic/i.test(error))
+    const hasTraffic = Object.values(this.store.frame.value?.vehicles ?? {}).some(({ is_traffic }) => is_traffic)
+    if (!why || !hasTraffic || !MAP_EDITS.has(operation.type)) return result
+    if (!(await this.mayRemoveTraffic(why))) return { ...result, errors: [] } // the question said why
+    const removed = await this.attemptOnce({ type: 'RemoveTraffic' })
+    return removed.response ? this.attemptOnce(operation) : removed
+  }
+
+  private async attemptOnce(operation: ServerOperation): Promise<Attempt> {
     try {
       const response = await this.connection.request(operation)
       return { response, text: response.text, errors: [] }

@@ -37,7 +37,7 @@ import { minimap } from './panels/minimap'
 import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
 import { askPicture } from './panels/picture_dialog'
-import { mayDiscard, saveScenario } from './panels/save_dialog'
+import { mayDiscard, mayRemoveTraffic, saveScenario } from './panels/save_dialog'
 import { start } from './panels/start'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
@@ -45,7 +45,6 @@ import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
 import { tour } from './panels/tour'
-import { track } from './panels/track'
 import { VehicleEvents } from './panels/vehicle_events'
 import { watchHint } from './panels/watch'
 import { requestRemoteView } from './remote_view'
@@ -68,6 +67,7 @@ const store = new Store()
 const worker = new Worker(new URL('./worker/worker.ts', import.meta.url), { type: 'module' })
 const connection = new Connection(store, worker)
 const actions = new Actions(store, connection)
+actions.mayRemoveTraffic = mayRemoveTraffic
 const driver = new Driver(store, connection)
 const keys = help(() => guide.start())
 const trails = new Trails()
@@ -143,7 +143,7 @@ const hints = [
   crashHint(store, actions),
   episode(store),
 ]
-document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), guide.element, programs.element)
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, guide.element, ...hints), programs.element)
 canvas.after(description(store, vehicleEvents))
 document.body.append(
   dock,
@@ -164,9 +164,9 @@ canvas.after(still)
 document.body.append(startScreen, ...edit(store, editor, view, save))
 /** Shows the whole map or race track in Build mode. */
 const showAll = () => (trackBuilder.line ? trackBuilder : builder).showAll()
-const files = { openFiles, userFiles, save, mayDiscard: mayDiscardMap }
-document.body.append(...build(store, builder, editor, view, showAll, files, vehicleEvents))
-document.querySelector('#build')?.append(...track(store, trackBuilder, view))
+const mayReplace = async () => !store.hasUnsavedEdits.value || mayDiscardMap()
+const files = { openFiles, userFiles, save, mayReplace }
+document.body.append(...build(store, { builder, trackBuilder, editor, view, showAll, files, vehicleEvents }))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, showAll, () => driver.stop())
 listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())

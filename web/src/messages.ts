@@ -267,6 +267,13 @@ export interface SetSensor {
 }
 
 /**
+ * Remove the traffic of the scenario: on some maps, and on race tracks, traffic cannot drive. Time starts anew.
+ */
+export interface RemoveTraffic {
+  type: 'RemoveTraffic'
+}
+
+/**
  * A placed module: x, y [m] and heading yaw [rad] of the middle of its footprint.
  *
  * `module`: a name of `MapScene.modules`. `open`: ports that may stay unconnected; True: all. Terrain and boxes only:
@@ -362,6 +369,20 @@ export interface CloseLoop {
   port?: string
   other?: string
   other_port?: string
+}
+
+/**
+ * Insert a module where the port `port` of the module `part` is joined with another one, as one edit.
+ *
+ * The road behind the joint is moved. A closed road is closed again by other roads, in another place or instead of
+ * some roads behind the joint. `entry`: the port of the new module at `port`; left out: one that fits.
+ */
+export interface InsertModule {
+  type: 'InsertModule'
+  module: string
+  part: string
+  port: string
+  entry?: string
 }
 
 /**
@@ -856,7 +877,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
   heard?: number | null
 }
 
@@ -964,6 +985,7 @@ export interface MapProblem {
   parts: (string)[]
   repair: Record<string, MapModule | MapWall | MapBlock | MapProp>
   vehicle: string
+  place: [number, number, number] | null
 }
 
 /**
@@ -989,6 +1011,7 @@ export interface MapScene {
   props: (string)[]
   templates: Record<string, string>
   advice: (MapProblem)[]
+  faces: Record<string, string>
 }
 
 /**
@@ -1604,7 +1627,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

@@ -16,6 +16,7 @@ import {
   snapped,
   transformTo,
 } from '../src/building/fitting'
+import { TrackBuilder } from '../src/building/track_builder'
 import { UserFiles } from '../src/building/user_files'
 import { Editor } from '../src/editing/editor'
 import type { Projection } from '../src/editing/outline'
@@ -55,14 +56,23 @@ function part(module: string, x: number, y: number, yaw = 0): MapModule {
 
 function mapOf(parts: Record<string, MapModule> = {}, ports: MapScene['ports'] = {}): MapScene {
   const modules = { curve: CURVE, lane: NARROW, lawn: LAWN, parking: PARKING, straight: STRAIGHT }
-  return { parts, ports, problems: [], modules, props: ['stop'], templates: { oval: 'Oval' }, advice: [] }
+  return {
+    parts,
+    ports,
+    problems: [],
+    modules,
+    props: ['stop'],
+    templates: { oval: 'Oval' },
+    advice: [],
+    faces: { stop: 'scene/stop.svg' },
+  }
 }
 
 const opened: Store[] = []
 
 const yes = () => Promise.resolve(true)
 
-function page(map: MapScene = mapOf()) {
+function page(map: MapScene = mapOf(), mayReplace = yes) {
   const it = connectedPage(['V1'])
   const scene = { ...sceneOf(['V1']), map_scene: map }
   it.socket.receive(scene)
@@ -70,14 +80,17 @@ function page(map: MapScene = mapOf()) {
   const builder = new Builder(it.store, actions)
   const editor = new Editor(it.store, actions)
   const userFiles = new UserFiles(it.store, actions)
-  const files = { userFiles, openFiles: async () => {}, save: yes, mayDiscard: yes }
+  const files = { userFiles, openFiles: async () => {}, save: yes, mayReplace }
+  const trackBuilder = new TrackBuilder(it.store, actions)
   const vehicleEvents = new VehicleEvents()
   const showAll = vi.fn()
-  document.body.append(...build(it.store, builder, editor, () => null, showAll, files, vehicleEvents))
+  document.body.append(
+    ...build(it.store, { builder, trackBuilder, editor, view: () => null, showAll, files, vehicleEvents }),
+  )
   listenToBuildKeys(it.store, builder, editor, showAll, () => {})
   it.store.isBuilding.value = true
   opened.push(it.store)
-  return { ...it, builder, vehicleEvents, showAll }
+  return { ...it, actions, builder, vehicleEvents, showAll }
 }
 
 function press(code: string, options: KeyboardEventInit = {}): void {
@@ -268,8 +281,9 @@ test('a piece that is chosen with a key begins at the first open end to which it
   card('straight')?.click() // without a pointer
   expect(builder.hand.value).toMatchObject({ target: { part: 'road', name: 'east' }, part: { x: expect.closeTo(0.6) } })
   press('Escape')
-  card('lane')?.click()
-  expect(builder.hand.value).toMatchObject({ target: null, part: { module: 'lane' } })
+  card('lane')?.click() // it fits to no end: the nearest free place
+  expect(builder.hand.value).toMatchObject({ target: null, part: { module: 'lane', y: expect.closeTo(0) } })
+  expect((builder.hand.value as { part: MapModule }).part.x).toBeGreaterThan(0.6)
   press('Escape')
   card('straight')?.dispatchEvent(new MouseEvent('click', { bubbles: true, detail: 1 }))
   expect(builder.hand.value).toMatchObject({ target: null })
@@ -381,14 +395,23 @@ test('the palette is searched and shows what fits', () => {
   page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
   const visible = () =>
     [...document.querySelectorAll<HTMLElement>('.piece')].filter((one) => !one.hidden).map((one) => one.dataset.piece)
-  expect(visible()).toEqual(['curve', 'lane', 'lawn', 'parking', 'straight', 'wall', 'block', 'sign-stop'])
+  const choose = (tab: string) =>
+    document.querySelector<HTMLElement>(`[data-testid="build-tabs"] button[value="${tab}"]`)?.click()
+  expect(visible()).toEqual(['curve', 'lane', 'parking', 'straight'])
+  choose('signs')
+  expect(visible()).toEqual(['sign-stop'])
+  expect(document.querySelector<HTMLImageElement>('[data-piece="sign-stop"] img')?.src).toContain('scene/stop.svg')
+  choose('things')
+  expect(visible()).toEqual(['lawn', 'wall', 'block'])
   press('KeyN')
   expect(visible()).toEqual(['curve', 'parking', 'straight'])
   press('Escape')
   const search = document.querySelector<HTMLInputElement>('[data-testid="build-search"]')
   if (search) search.value = 'curv'
   search?.dispatchEvent(new Event('input'))
-  expect(visible()).toEqual(['curve'])
+  expect(visible()).toEqual(['curve']) // of all tabs
+  choose('things')
+  expect(visible()).toEqual(['lawn', 'wall', 'block'])
 })
 
 const shownText = (testid: string) => document.querySelector(`[data-testid="${testid}"]`)?.textContent
@@ -397,7 +420,7 @@ const click = (testid: string) => document.querySelector<HTMLElement>(`[data-tes
 test('errors have words, a place and a repair; open ends are no errors', () => {
   const parts = { road_1: part('straight', 0, 0), road_2: part('straight', 0.65, 0) }
   const repair = { road_2: { ...parts.road_2, x: 0.6 } }
-  const at = { x: 0.3, y: 0, vehicle: '' }
+  const at = { x: 0.3, y: 0, vehicle: '', place: null }
   const { builder, socket } = page({
     ...mapOf(parts, AT_EAST),
     problems: [
@@ -411,7 +434,7 @@ test('errors have words, a place and a repair; open ends are no errors', () => {
     'Road 1 and Road 2 do not meet: 5.0 cm are between their ends.',
     'Wall 1 stands on a lane of Road 1. Move it.',
   ])
-  expect(document.querySelector('.checks h2')?.textContent).toBe('2 errors')
+  expect(document.querySelector('.checks:not([hidden]) h2')?.textContent).toBe('2 errors')
   const [show, mend] = [...items[0].querySelectorAll('button')]
   show.click()
   expect(builder.selected.value).toEqual(['road_2'])
@@ -425,7 +448,7 @@ test('all open ends are closed, shown one after the other, or may stay open', as
   const ports = { road: { east: port(0.3, 0, 0), west: port(-0.3, 0, Math.PI) } }
   const { builder, socket, store } = page(mapOf({ road }, ports))
   expect(shownText('build-ends-state')).toBe('2 open ends')
-  expect(document.querySelector('.checks h2')?.textContent).toBe('No errors')
+  expect(document.querySelector('.checks:not([hidden]) h2')?.textContent).toBe('No errors')
   click('build-leave-open')
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: { open: ['east', 'west'] } } })
   click('build-next-end')
@@ -437,8 +460,17 @@ test('all open ends are closed, shown one after the other, or may stay open', as
   await vi.waitFor(() => expect(store.warning.value).toContain('1 open end is left'))
 })
 
-test('advice on a vehicle beside the road stays until the vehicle is back on a road', () => {
-  const outside = { kind: 'outside', text: "'V1' is off", x: 0, y: 0, parts: [], repair: {}, vehicle: 'V1' }
+test('advice on a vehicle beside the road stays until it is back; a button puts it on the nearest road', () => {
+  const outside = {
+    kind: 'outside',
+    text: "'V1' is off",
+    x: 0,
+    y: 0,
+    parts: [],
+    repair: {},
+    vehicle: 'V1',
+    place: [1, 2, 3] as [number, number, number],
+  }
   const { socket, vehicleEvents } = page({ ...mapOf(), advice: [outside] })
   const event = { vehicle: 'V1', time: 1, position: new Float64Array(3) }
   const shown = (x: number) => {
@@ -449,6 +481,10 @@ test('advice on a vehicle beside the road stays until the vehicle is back on a r
     return document.querySelectorAll('.problems li').length
   }
   expect(shown(0)).toBe(1)
+  const put = [...document.querySelectorAll<HTMLElement>('[data-testid="build-advice"] button')][1]
+  expect(put.textContent).toBe('Put V1 on the nearest road')
+  put.click()
+  expect(socket.request).toMatchObject({ type: 'Place', name: 'V1', x: 1, y: 2, yaw: 3 })
   vehicleEvents.add([{ type: 'OffRoad', ...event }])
   expect(shown(0.6)).toBe(1)
   vehicleEvents.add([{ type: 'BackOnRoad', ...event }])
@@ -487,4 +523,125 @@ test('undo and redo are those of the simulator, and Edit mode ends', () => {
   socket.receive(statusOf({ undo: 'add curve_1' }))
   press('KeyZ', { key: 'z', ctrlKey: true })
   expect(socket.request).toMatchObject({ type: 'Undo' })
+})
+
+test('a map that the traffic forbids is built without traffic if the user agrees', async () => {
+  const { actions, builder, socket, store } = page()
+  const car = { ...vehicleOf(), is_traffic: true }
+  socket.receive(frameOf(['V1'], { vehicles: { V1: vehicleOf(), traffic_1: car } }))
+  const why = "scenario.traffic: map 'empty' has no closed way of lanes"
+  let may = false
+  actions.mayRemoveTraffic = (text) => {
+    expect(text).toContain('no closed way of lanes')
+    return Promise.resolve(may)
+  }
+  const refused = builder.use({ name: 'empty' })
+  socket.respond(why)
+  expect(await refused).toBe(false)
+  expect(store.error.value).toBe('')
+  may = true
+  const used = builder.use({ name: 'empty' })
+  socket.respond(why)
+  await vi.waitFor(() => expect(socket.request).toMatchObject({ type: 'RemoveTraffic' }))
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(socket.request).toMatchObject({ type: 'UseMap', name: 'empty' }))
+  socket.respond(frameOf(['V1']))
+  expect(await used).toBe(true)
+})
+
+test('a race track has the tools of points in the bar, a map those of pieces; the panel is hidden and shown', () => {
+  const { socket } = page()
+  const button = (testid: string) => document.querySelector<HTMLButtonElement>(`[data-testid="${testid}"]`)
+  expect([button('build-turn')?.hidden, button('track-add')?.hidden]).toEqual([false, true])
+  expect(button('build-details')?.textContent).toBe('Panel')
+  button('build-details')?.click()
+  expect(document.querySelector<HTMLElement>('#build')?.hidden).toBe(true)
+  button('build-details')?.click()
+  const points = [[0, -4], [6, 0], [0, 4], [-6, 0]] as [number, number][] // biome-ignore format: points
+  const line = { points, width: 1.2, barrier: 'wall' as const }
+  const track_scene = { line, is_exact: true, problems: [], templates: {} }
+  socket.receive({ ...sceneOf(['V1']), map_scene: null, track_scene })
+  const shown = [...document.querySelectorAll<HTMLButtonElement>('.edit-tools button')].filter((one) => !one.hidden)
+  expect(shown.map((one) => one.textContent)).toEqual([
+    ...['Add a point', 'Delete', 'Start line here', 'Reverse', 'Undo', 'Redo', 'Show all', 'Save', 'Panel', 'Done'],
+  ])
+  expect(button('track-remove')?.disabled).toBe(true)
+  expect(button('build-template')?.closest('details')?.open).toBe(true)
+})
+
+test('another map, a new track and a random track ask before they replace unsaved edits', async () => {
+  const mayReplace = vi.fn(() => Promise.resolve(false))
+  const { socket, store } = page(mapOf(), mayReplace)
+  const sent = socket.sent.length
+  store.hasUnsavedEdits.value = true
+  const select = document.querySelector<HTMLSelectElement>('[data-testid="build-template"]')
+  if (select) select.value = 'oval'
+  select?.dispatchEvent(new Event('change'))
+  click('track-new')
+  click('track-random')
+  await vi.waitFor(() => expect(mayReplace).toHaveBeenCalledTimes(3))
+  await new Promise((done) => setTimeout(done))
+  expect(socket.sent.length).toBe(sent)
+})
+
+/** Two straight roads in a row, whose outer ends may stay open. */
+function twoRoads(): MapScene {
+  const joined = { state: 'joined' as const }
+  const open = { state: 'open' as const }
+  return mapOf(
+    { a: part('straight', 0, 0), b: part('straight', 0.6, 0) },
+    {
+      a: { east: { ...port(0.3, 0, 0), ...joined }, west: { ...port(-0.3, 0, Math.PI), ...open } },
+      b: { west: { ...port(0.3, 0, Math.PI), ...joined }, east: { ...port(0.9, 0, 0), ...open } },
+    },
+  )
+}
+
+test('a piece with two ends snaps to a joint and is inserted there; without an open end, N goes to the joints', async () => {
+  const { builder, socket, store } = page(twoRoads())
+  builder.take('straight', [3, 3])
+  builder.moveTo([0.31, 0.02], [431, 298], above, false)
+  expect(builder.hand.value).toMatchObject({ target: { part: 'a', name: 'east', state: 'joined' } })
+  press('Enter')
+  expect(socket.request).toEqual({
+    ...{ type: 'InsertModule', module: 'straight', part: 'a', port: 'east' },
+    entry: expect.stringMatching(/east|west/),
+  })
+  socket.respond('the road is closed')
+  await vi.waitFor(() => expect(builder.hand.value).toMatchObject({ part: { module: 'straight' } }))
+  expect(store.error.value).toBe('The road is closed.')
+  builder.take('parking', [3, 3]) // it has one end
+  builder.moveTo([0.31, 0.02], [431, 298], above, false)
+  expect(builder.hand.value).toMatchObject({ target: null })
+  press('Escape')
+  press('KeyN')
+  expect(builder.hand.value).toMatchObject({ target: { part: 'a', name: 'east' } })
+  expect(builder.offered).toEqual(['curve', 'straight'])
+})
+
+test('a selected piece is replaced by one that has the same ends, as one edit', async () => {
+  const map = twoRoads()
+  const CROSSING: ModuleScene = {
+    ...{ title: 'Crossing', type: 'intersection', length: 0.6, width: 0.6, image: 'scene/x.svg' },
+    ports: { ...STRAIGHT.ports, north: port(0, 0.3, HALF) },
+  }
+  const modules = { ...map.modules, crossing: CROSSING }
+  const ports = {
+    ...map.ports,
+    a: { east: map.ports.a.east, west: { ...map.ports.a.west, state: 'joined' as const } },
+  }
+  const { builder, socket } = page({ ...map, ports, modules })
+  builder.select('a')
+  const offered = [...document.querySelectorAll<HTMLButtonElement>('[data-testid="build-replace"] button')]
+  expect(offered.map((button) => button.dataset.module)).toEqual(['crossing'])
+  offered[0].click()
+  expect(socket.request).toMatchObject({
+    type: 'EditMap',
+    parts: { a: null, crossing_1: { module: 'crossing', x: expect.closeTo(0), y: expect.closeTo(0) } },
+    seen: { crossing_1: null },
+  })
+  builder.select('b') // its one joint can also be that of a curve
+  const names = () =>
+    [...document.querySelectorAll<HTMLElement>('[data-testid="build-replace"] button')].map((one) => one.dataset.module)
+  expect(names()).toEqual(['curve', 'parking', 'crossing'])
 })

@@ -49,7 +49,7 @@ describe('messages of the server', () => {
     const own = { open: false, length: null, width: null, height: null, z: 0, mass: null }
     const mapped = (x: number): Scene => {
       const road = { type: 'MapModule' as const, module: 'straight', x, y: 0, yaw: 0, ...own }
-      const lists = { problems: [], props: [], advice: [] }
+      const lists = { problems: [], props: [], advice: [], faces: {} }
       return { ...sceneOf(['V1']), map_scene: { parts: { road }, ports: {}, modules: {}, templates: {}, ...lists } }
     }
     const receive = (ranges: readonly number[], time: number) =>

@@ -6,6 +6,7 @@ import {
   effectsOf,
   extinction,
   inWeather,
+  isBright,
   lookAt,
   skyColour,
   sunTimes,
@@ -31,6 +32,15 @@ describe('daylight', () => {
     expect(exposure).toBe(3)
     expect(sun_direction[0]).toBeCloseTo(0.98 / Math.hypot(0.98, 0.14))
     expect(sun_direction[1]).toBeCloseTo(0.14 / Math.hypot(0.98, 0.14))
+  })
+
+  it('is bright by the fixed light of the day and by a sun of more than 8 degrees', () => {
+    const at = (degrees: number) => look(2, [1, 0, Math.sin((degrees * Math.PI) / 180)])
+    const minutes = [night, at(2), at(7.9), at(8.1), at(60), night]
+    const day = { day: look(1, [0, 0, 0]), night, minutes }
+    const bright = minutes.map((_, i) => isBright(day, i > 0 && i < 5, 600 * i))
+    expect(bright).toEqual([false, false, false, true, true, false])
+    expect([isBright(day, true, null), isBright(day, false, null)]).toEqual([true, false])
   })
 
   it('does not mix in the night at sunrise and sunset', () => {

@@ -430,6 +430,23 @@ class CloseLoop(msgspec.Struct, frozen=True, tag=True):
     other_port: Name = ""
 
 
+class InsertModule(msgspec.Struct, frozen=True, tag=True):
+    """Insert a module where the port `port` of the module `part` is joined with another one, as one edit.
+
+    The road behind the joint is moved. A closed road is closed again by other roads, in another place or instead of
+    some roads behind the joint. `entry`: the port of the new module at `port`; left out: one that fits.
+    """
+
+    module: Annotated[str, msgspec.Meta(max_length=1000)]
+    part: Name
+    port: Name
+    entry: Name = ""
+
+
+class RemoveTraffic(msgspec.Struct, frozen=True, tag=True):
+    """Remove the traffic of the scenario: on some maps, and on race tracks, traffic cannot drive. Time starts anew."""
+
+
 class TrackLine(msgspec.Struct, frozen=True):
     """A track by points x, y [m] of a smooth closed line, in driving direction; `width` between the barriers [m].
 
@@ -481,7 +498,19 @@ class SaveMap(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack
+Edit: TypeAlias = (
+    Place
+    | AddBox
+    | RemoveBox
+    | SetSensor
+    | RemoveTraffic
+    | EditMap
+    | UseMap
+    | CloseLoop
+    | InsertModule
+    | EditTrack
+    | GenerateTrack
+)
 
 Operation: TypeAlias = (
     Reset

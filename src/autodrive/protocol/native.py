@@ -360,6 +360,8 @@ class MapProblem(msgspec.Struct, frozen=True):
     repair: dict[str, MapPart]
     vehicle: str = ""
     """The vehicle that is outside, for the kind 'outside'."""
+    place: tuple[float, float, float] | None = None
+    """Where the vehicle could stand on the nearest lane: x, y [m], yaw [rad]; None: there is no lane."""
 
 
 class MapScene(msgspec.Struct, frozen=True):
@@ -378,6 +380,8 @@ class MapScene(msgspec.Struct, frozen=True):
     """Maps for `UseMap`: name -> title."""
     advice: list[MapProblem] = []
     """What may be as it is, but is hardly meant."""
+    faces: dict[str, str] = {}
+    """Addresses of the pictures of `props` (SVG), by kind."""
 
 
 class TrackScene(msgspec.Struct, frozen=True):

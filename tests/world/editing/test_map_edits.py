@@ -33,6 +33,7 @@ from autodrive.protocol.messages import (
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Teleport,
     Undo,
@@ -277,8 +278,11 @@ def test_a_vehicle_whose_road_is_removed_stands_and_is_off_the_road() -> None:
     assert [event.vehicle for event in off] == ["V1"]
     assert frames[-1].vehicles["V1"].pose.position == pytest.approx(position, abs=1e-3)
     (advice,) = (problem for problem in building.scene.advice if problem.kind == "outside")
-    assert "'V1' stands beside the drivable area" in advice.text
+    assert advice.text == "'V1' stands beside the road."
     assert (advice.x, advice.y) == pytest.approx(tuple(position[:2]), abs=1e-3)
+    assert advice.place is not None
+    building.ask(Place("V1", *advice.place))
+    assert [problem for problem in building.scene.advice if problem.kind == "outside"] == []
 
 
 def test_parts_without_a_name_keep_theirs_when_an_earlier_one_is_removed() -> None:
@@ -493,3 +497,19 @@ def test_a_module_too_many_is_refused_and_nothing_is_lost() -> None:
         building.ask(EditMap({"another": MapModule("lawn", -4.0, -4.0)}))
     assert {*building.scene.parts} == {*lawns}
     assert building.simulation.undo_name == "add 1000 parts of the map"
+
+
+def test_traffic_forbids_a_map_without_closed_lanes_until_it_is_removed() -> None:
+    building = Building("traffic")
+    cars = {name for name, vehicle in building.world.frame.vehicles.items() if vehicle.is_traffic}
+    assert cars
+    with pytest.raises(AutodriveError, match=r"traffic has .* cars"):
+        building.ask(UseMap("empty"))
+    building.ask(RemoveTraffic())
+    assert building.simulation.undo_name == "remove the traffic"
+    assert not cars & {*building.world.frame.vehicles}
+    building.ask(UseMap("empty"))
+    with pytest.raises(CommandError, match="the scenario has no traffic"):
+        building.ask(RemoveTraffic())
+    building.ask(Undo(), Undo())
+    assert cars < {*building.world.frame.vehicles}

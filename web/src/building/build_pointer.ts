@@ -209,13 +209,14 @@ export function buildPointer(
     const module = hand.kind === 'module' ? builder.module(hand.part) : undefined
     if (hand.kind !== 'module' || !module)
       return [line, hand.part.type === 'MapProp' ? arrow(hand.part.x, hand.part.y, hand.part.yaw) : '']
+    const seams = builder.joints(hand).map((joint) => mark({ ...joint, state: 'joined' }, 'seam'))
     const others = portsOf(scene).filter(({ part }) => part !== hand.moved)
     const ports = Object.entries(module.ports).map(([name, port]): PortPlace => {
       const at = portAt(hand.part, port)
       const state = others.some((other) => isSamePlace(other, at)) ? 'joined' : 'free'
       return { part: '', name, width: port.width, state, ...at }
     })
-    return [line, ...ports.map(mark)]
+    return [line, ...seams, ...ports.map((port) => mark(port))]
   }
 
   /** The drawing of a module where it is, or where it would be: a ghost. */
@@ -249,12 +250,13 @@ export function buildPointer(
     return shown.every((at) => at !== null) ? shown : null
   }
 
-  /** The mark of a port: an arrow that points outward. */
-  function mark({ x, y, yaw, state }: PortPlace): string {
+  /** The mark of a port: an arrow that points outward; or of a joint, where a piece can be inserted: a plus. */
+  function mark({ x, y, yaw, state }: PortPlace, name = 'port'): string {
     const [at, out] = [project(x, y, 0), project(x + 0.05 * Math.cos(yaw), y + 0.05 * Math.sin(yaw), 0)]
     if (!at || !out) return ''
     const angle = (Math.atan2(out[1] - at[1], out[0] - at[0]) * 180) / Math.PI
     const place = `translate(${at[0].toFixed(1)} ${at[1].toFixed(1)}) rotate(${angle.toFixed(1)})`
+    if (name === 'seam') return `<g class="seam" transform="${place}"><path d="M0 -9V9M-4 0H4"/></g>`
     return `<g class="port" data-state="${state}" transform="${place}"><circle r="${MARK}"/><path d="M-3 -4 4 0 -3 4Z"/></g>`
   }
 

@@ -13,10 +13,12 @@ import {
   connectedParts,
   fittingModules,
   fittingPorts,
+  freePlace,
   freePorts,
   groupSnap,
   inMap,
   isSamePlace,
+  jointsOf,
   meeting,
   middleOf,
   mirrorPort,
@@ -26,6 +28,7 @@ import {
   type Pose,
   portAt,
   portsOf,
+  replacements,
   snapped,
   turnedPart,
   wrapped,
@@ -136,14 +139,14 @@ export class Builder {
     }
   }
 
-  /** Takes a new module at the first open end to which it fits; without one, at a place. */
+  /** Takes a new module at the first open end to which it fits; without one, at the free place nearest to `at`. */
   takeAtEnd(name: string, at: Point): void {
     const module = this.scene?.modules[name]
     const ends = this.scene ? freePorts(this.scene).filter(({ state }) => state !== 'open') : []
     const end = module && ends.find(({ width }) => fittingPorts(module, width).length > 0)
     this.select()
     if (end) this.join(name, end, this.portAfter(name, end))
-    else this.take(name, at)
+    else if (module && this.scene) this.take(name, freePlace(this.scene, [module.length, module.width], at))
     if (end) this.actions.view?.showPlace(end.x, end.y)
   }
 
@@ -164,7 +167,10 @@ export class Builder {
 
   /** Offers the pieces that fit to a port; the first one is in hand. */
   offer(target: PortPlace): void {
-    const names = this.scene ? fittingModules(this.scene, target.width) : []
+    const { scene } = this
+    const fitting = scene ? fittingModules(scene, target.width) : []
+    const isJoint = target.state === 'joined'
+    const names = fitting.filter((name) => !isJoint || (scene && canBeInserted(scene.modules[name], target)))
     if (names.length === 0) return
     const before = this.inHand('module')?.part.module
     const used = before && names.includes(before) ? before : names[0]
@@ -178,7 +184,9 @@ export class Builder {
     const { scene } = this
     const target = this.inHand('module')?.target
     if (!scene) return []
-    return target ? fittingModules(scene, target.width) : Object.keys(scene.modules)
+    if (!target) return Object.keys(scene.modules)
+    const names = fittingModules(scene, target.width)
+    return target.state === 'joined' ? names.filter((name) => canBeInserted(scene.modules[name], target)) : names
   }
 
   /** Takes the next or the previous piece. */
@@ -196,14 +204,36 @@ export class Builder {
     else if (hand) this.take(name, [hand.part.x, hand.part.y])
   }
 
-  /** Goes to the next open end. */
+  /** Goes to the next open end; if there is none, to the next joint, where a piece can be inserted. */
   nextPort(): void {
     const { scene } = this
-    const ports = scene ? freePorts(scene).filter(({ state }) => state !== 'open') : []
+    const ends = scene ? freePorts(scene).filter(({ state }) => state !== 'open') : []
+    const ports = scene && ends.length === 0 ? jointsOf(scene) : ends
     if (ports.length === 0) return
     const target = this.inHand('module')?.target
     const now = ports.findIndex(({ part, name }) => part === target?.part && name === target?.name)
     this.offer(ports[(now + 1) % ports.length])
+    if (ends.length === 0) this.store.notice.value = 'No end is open: Enter inserts the piece here, into the road.'
+  }
+
+  /** The joints at which a new module in hand can be inserted. */
+  joints(hand: HandOf<'module'>): PortPlace[] {
+    const { scene } = this
+    const module = this.module(hand.part)
+    return scene && module && !hand.moved ? jointsOf(scene).filter((joint) => canBeInserted(module, joint)) : []
+  }
+
+  /** Modules that can replace the selected one. */
+  get replacements(): { module: string; pose: Pose }[] {
+    return this.scene && this.part ? replacements(this.scene, this.selected.value[0]) : []
+  }
+
+  /** Replaces the selected module by another one with the same ports. */
+  async replace(module: string, pose: Pose): Promise<void> {
+    const [before] = this.selected.value
+    const part = { ...plain(module), ...pose }
+    const name = this.freeName(stemOf(part))
+    if (before && (await this.put({ [before]: null, [name]: part }))) this.select(name)
   }
 
   /** Joins the piece in hand by its next port, or turns what is in hand or selected about its middle. */
@@ -289,7 +319,11 @@ export class Builder {
         const part = { ...hand.part, x: ground[0], y: ground[1] }
         const module = this.module(part)
         const targets = this.scene && !isFree ? this.targets(hand.moved) : []
-        const snap = module && snapped(module, { pose: part, port: hand.port }, targets, pointer, project)
+        const own = { pose: part, port: hand.port }
+        const snap =
+          module &&
+          (snapped(module, own, targets, pointer, project) ??
+            snapped(module, own, isFree ? [] : this.joints(hand), pointer, project, true))
         this.hand.value = snap
           ? { ...hand, part: { ...part, ...snap.pose }, port: snap.port, target: snap.target }
           : { ...hand, part, target: null }
@@ -368,7 +402,16 @@ export class Builder {
     if (await isSet) this.selected.value = Object.keys(parts)
   }
 
+  /** Inserts the module in hand at a joint; it comes back if that is refused. */
+  private async insert(hand: HandOf<'module'>, joint: PortPlace): Promise<void> {
+    this.hand.value = null
+    const { part, name: port } = joint
+    const isSet = await this.request({ type: 'InsertModule', module: hand.part.module, part, port, entry: hand.port })
+    if (!isSet && this.hand.value === null) this.hand.value = hand
+  }
+
   private async setPart(hand: HandOf<'module' | 'part'>): Promise<void> {
+    if (hand.kind === 'module' && hand.target?.state === 'joined' && !hand.moved) return this.insert(hand, hand.target)
     const name = hand.moved || this.freeName(stemOf(hand.part))
     const joined = hand.kind === 'module' && hand.target ? hand : null
     const next = joined && !hand.moved ? this.nextTarget(joined, name) : null
@@ -522,7 +565,12 @@ export class Builder {
     if (!port) return
     // traffic keeps right: the lane lies a quarter of the road to the right of its middle
     const [x, y] = inMap(port, 0, 0.25 * port.width)
-    await this.request({ type: 'Place', name: this.store.vehicle.value, x, y, yaw: wrapped(port.yaw + Math.PI) })
+    await this.placeAt(this.store.vehicle.value, [x, y, wrapped(port.yaw + Math.PI)])
+  }
+
+  /** Places a vehicle, also where it starts after a reset [m, rad]. */
+  placeAt(name: string, [x, y, yaw]: readonly [x: number, y: number, yaw: number]): Promise<boolean> {
+    return this.request({ type: 'Place', name, x, y, yaw })
   }
 
   /** Shows where a problem is. */
@@ -676,6 +724,11 @@ export class Builder {
     this.taken.add(`${start}_${number}`)
     return `${start}_${number}`
   }
+}
+
+/** Whether a module has two ends that fit to a joint. */
+function canBeInserted(module: ModuleScene, { width }: PortPlace): boolean {
+  return fittingPorts(module, width).length > 1
 }
 
 /** A module with the values of its file. */

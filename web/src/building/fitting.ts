@@ -21,6 +21,9 @@ export interface PortPlace extends Pose {
 const SAME = 1e-3
 /** Distance at which the pointer, and a port of the piece in hand, snap to a port [CSS pixels]. */
 const REACH = { pointer: 36, port: 22 }
+/** Distance of the places that are tried for a new piece [m], and how many circles of them. */
+const GRID = 0.3
+const RINGS = 60
 /** How far from a thin part the pointer still hits it [m]. */
 const SLACK = 0.06
 
@@ -70,6 +73,38 @@ export function fittingPorts({ ports }: ModuleScene, width: number): string[] {
   return Object.keys(ports).filter((name) => Math.abs(ports[name].width - width) <= SAME)
 }
 
+/** The joints at which a module can be inserted: one of the two ports that are joined. */
+export function jointsOf(scene: MapScene): PortPlace[] {
+  const joined = portsOf(scene).filter(({ state }) => state === 'joined')
+  return joined.filter((port, i) => !joined.slice(0, i).some((other) => isSamePlace(other, port)))
+}
+
+/** Modules that can replace a part, because they have its joined ports, and where they are then placed. */
+export function replacements(scene: MapScene, name: string): { module: string; pose: Pose }[] {
+  const part = scene.parts[name]
+  const ports = Object.values(scene.ports[name] ?? {})
+  const joined = ports.filter(({ state }) => state === 'joined')
+  const kept = joined.length > 0 ? joined : ports
+  const [first] = kept
+  if (part?.type !== 'MapModule' || !first) return []
+  return Object.entries(scene.modules).flatMap(([module, spec]) => {
+    if (module === part.module) return []
+    const poses = fittingPorts(spec, first.width).map((own) =>
+      meeting(spec.ports[own], { ...first, yaw: first.yaw + Math.PI }),
+    )
+    const pose = poses.find((at) => kept.every((port) => hasPort(spec, at, port)))
+    return pose ? [{ module, pose }] : []
+  })
+}
+
+/** Whether a module at a pose has a port like another one, at its place. */
+function hasPort(module: ModuleScene, pose: Pose, port: MapPort): boolean {
+  return fittingPorts(module, port.width).some((name) => {
+    const at = portAt(pose, module.ports[name])
+    return isSamePlace(at, port) && Math.cos(at.yaw - port.yaw) > 1 - SAME
+  })
+}
+
 /** Names of the modules that fit to a port. */
 export function fittingModules(scene: MapScene, width: number): string[] {
   return Object.keys(scene.modules).filter((name) => fittingPorts(scene.modules[name], width).length > 0)
@@ -93,13 +128,17 @@ function layoutAt(module: ModuleScene, port: string): Point[] {
   return [[pose.x, pose.y], ...others.map(([, { x, y }]) => inMap(pose, x, y))]
 }
 
-/** The pose in which a module in hand snaps to a port near the pointer, or near one of its ports; null: to none. */
+/** The pose in which a module in hand snaps to a port near the pointer, or near one of its ports; null: to none.
+ *
+ * `isPointerOnly`: only to a port near the pointer.
+ */
 export function snapped(
   module: ModuleScene,
   hand: { pose: Pose; port: string },
   targets: readonly PortPlace[],
   pointer: Point,
   project: Projection,
+  isPointerOnly = false,
 ): { pose: Pose; port: string; target: PortPlace } | null {
   let best: { pose: Pose; port: string; target: PortPlace } | null = null
   let least = 1
@@ -117,7 +156,7 @@ export function snapped(
       least = nearPointer
       best = { pose: meeting(module.ports[port], target), port, target }
     }
-    for (const { name, port, shown: at } of own) {
+    for (const { name, port, shown: at } of isPointerOnly ? [] : own) {
       const near = at ? distance(shown, at) / REACH.port : 1
       if (!names.includes(name) || near >= least) continue
       least = near
@@ -170,6 +209,30 @@ export function partAt(scene: MapScene, at: Point): string {
   return found
 }
 
+/** The place nearest to `at` where a rectangle of that size touches no part but lawns; `at` if there is none near. */
+export function freePlace(scene: MapScene, size: Point, [x, y]: Point): Point {
+  const isLawn = (part: MapPart): boolean => part.type === 'MapModule' && scene.modules[part.module]?.type === 'terrain'
+  const taken = Object.values(scene.parts).filter((part) => !isLawn(part))
+  const boxes = taken.map((part) => boundsOf(outlineOf(part, scene)))
+  const [dx, dy] = [0.5 * size[0], 0.5 * size[1]]
+  for (let ring = 0; ring < RINGS; ring++)
+    for (let i = 0; i < Math.max(1, 8 * ring); i++) {
+      const angle = (2 * Math.PI * i) / Math.max(1, 8 * ring)
+      const at: Point = [x + ring * GRID * Math.cos(angle), y + ring * GRID * Math.sin(angle)]
+      const isFree = boxes.every(
+        ([x0, y0, x1, y1]) => at[0] + dx < x0 || at[0] - dx > x1 || at[1] + dy < y0 || at[1] - dy > y1,
+      )
+      if (isFree) return at
+    }
+  return [x, y]
+}
+
+/** The least and the largest coordinates of points: x0, y0, x1, y1. */
+function boundsOf(points: readonly Point[]): [number, number, number, number] {
+  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
+  return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]
+}
+
 /** A part that is moved by dx, dy [m] and turned about its middle [rad]. */
 export function movedPart(part: MapPart, dx: number, dy: number, turn = 0): MapPart {
   if (part.type === 'MapWall')
@@ -196,8 +259,7 @@ export function middleOf(parts: readonly MapPart[], scene: MapScene): Point {
 /** The middle of an area that contains all points, and its width [m] for a camera that shows it from the south. */
 export function areaAround(points: readonly Point[]): [x: number, y: number, width: number] | null {
   if (points.length === 0) return null
-  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
-  const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)]
+  const [x0, y0, x1, y1] = boundsOf(points)
   return [0.5 * (x0 + x1), 0.5 * (y0 + y1), Math.max(x1 - x0, 1.8 * (y1 - y0))]
 }
 

@@ -65,6 +65,14 @@ export async function mayDiscard(what: string, save: () => Promise<boolean>): Pr
   return answer === 'discard' || (answer === 'save' && save())
 }
 
+/** Asks whether the traffic, which forbids a map, may be removed. */
+export async function mayRemoveTraffic(why: string): Promise<boolean> {
+  const text = [why, 'Without traffic you can build any map. Undo brings the traffic back.']
+  const content = text.map((line) => h('p', {}, line))
+  const choices = [['remove', 'Build without traffic', true]] as const
+  return (await ask('traffic-dialog', 'The traffic needs other roads', content, choices)) === 'remove'
+}
+
 /** Shows a link that contains the map. */
 async function showLink(text: string): Promise<boolean> {
   const link = await linkWith(text)

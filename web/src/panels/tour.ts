@@ -125,6 +125,7 @@ export function tour(store: Store, openPrograms: () => void): Tour {
     text.replaceChildren(...content.filter((child) => child !== null && child !== undefined && child !== false))
     buttons.replaceChildren(...controls)
     element.classList.remove('is-done')
+    element.classList.toggle('is-offer', now < 0)
     element.hidden = false
   }
 

@@ -9,23 +9,8 @@ import { h, setText } from './element'
 import { choice, errorCount, labelled, section, setOptions } from './fields'
 import { busy } from './pending'
 
-/** The sections; those of modules are hidden while the map is a race track. */
-export function track(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement[] {
-  const elements = [faults(store, builder, view), shape(store, builder), start(store, builder)]
-  const show = (): void => {
-    const isTrack = builder.line !== null
-    elements[0].hidden = elements[1].hidden = !isTrack
-    elements[0].closest('.build')?.toggleAttribute('data-track', isTrack)
-  }
-  store.scene.watch(show)
-  store.isBuilding.watch((isBuilding) => {
-    show()
-    if (isBuilding) queueMicrotask(() => builder.showAll()) // when the panel is there, beside which it is shown
-  })
-  return elements
-}
-
-function shape(store: Store, builder: TrackBuilder): HTMLElement {
+/** Length, width and barrier of the track, and the selected point. */
+export function shape(store: Store, builder: TrackBuilder): HTMLElement {
   const state = h('p', { testid: 'track-state', role: 'status' })
   const width = numberField('track-width', {
     ...{ step: 0.1, min: 0.2, max: 50 },
@@ -35,10 +20,6 @@ function shape(store: Store, builder: TrackBuilder): HTMLElement {
     'aria-label': 'Barrier',
   })
   setOptions(barrier, { wall: 'Wall', duct: 'Air ducts' })
-  const add = h('button', { testid: 'track-add', onclick: () => void builder.addAfter() }, 'Add a point')
-  const remove = h('button', { testid: 'track-remove', onclick: () => void builder.remove() }, 'Delete the point')
-  const here = h('button', { testid: 'track-start', onclick: () => void builder.startHere() }, 'Start line here')
-  const reverse = h('button', { testid: 'track-reverse', onclick: () => void builder.reverse() }, 'Reverse')
   const hint =
     'Drag a point. Click the line to add a point. Keys: N next point, arrows move it, Enter adds one, Delete removes it.'
 
@@ -51,7 +32,6 @@ function shape(store: Store, builder: TrackBuilder): HTMLElement {
     setText(state, `${point}${line.points.length} points, ${shapeOf(line).length.toFixed(1)} m.${own}`)
     if (document.activeElement !== width) width.value = String(line.width)
     barrier.value = line.barrier
-    for (const button of [remove, here]) button.disabled = index < 0
   }
 
   store.scene.watch(show)
@@ -62,14 +42,12 @@ function shape(store: Store, builder: TrackBuilder): HTMLElement {
     state,
     labelled('Width [m]', width),
     labelled('Barrier', barrier),
-    h('div', { class: 'row' }, add, remove),
-    h('div', { class: 'row' }, here, reverse),
     h('p', { class: 'edit-hint' }, hint),
   )
 }
 
 /** What is wrong with the track that is shown, also while a point is dragged. */
-function faults(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement {
+export function faults(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement {
   const list = h('ul', { class: 'problems', testid: 'track-problems' })
   const element = section('', list)
   element.classList.add('checks')
@@ -100,29 +78,21 @@ function faults(store: Store, builder: TrackBuilder, view: () => SceneView | nul
   return element
 }
 
-function start(store: Store, builder: TrackBuilder): HTMLElement {
+/** A random track for a seed and a length. */
+export function randomTrack(store: Store, builder: TrackBuilder, mayReplace: () => Promise<boolean>): HTMLElement {
   const seed = numberField('track-seed', { step: 1, min: 0, value: 1 })
   const length = numberField('track-length', { step: 5, min: 15, max: 100, value: 60 })
-  const make = async (made: Promise<boolean>): Promise<void> => {
-    if (await made) builder.showAll()
-  }
-  const fresh = h(
-    'button',
-    { testid: 'track-new', onclick: () => void busy(both, () => make(builder.start())) },
-    'New track',
-  )
   const random = async (): Promise<void> => {
-    const width = builder.line?.width ?? 1.2
-    await make(builder.generate(Number(seed.value), Number(length.value), Math.min(Math.max(width, 0.9), 3)))
+    const width = Math.min(Math.max(builder.line?.width ?? 1.2, 0.9), 3)
+    const isRandom = store.status.value?.undo.startsWith('use the random track') // it can be made again
+    if (!isRandom && !(await mayReplace())) return
+    if (await builder.generate(Number(seed.value), Number(length.value), width)) builder.showAll()
   }
-  const button = h('button', { testid: 'track-random', onclick: () => void busy(both, random) }, 'Random track')
-  const both = [fresh, button]
-  const element = section(
-    'New race track',
-    h('div', { class: 'row' }, fresh, button),
+  const button = h('button', { testid: 'track-random', onclick: () => void busy(button, random) }, 'Random track')
+  return section(
+    'Random track',
     labelled('Seed', seed),
     labelled('Length [m]', length),
+    h('div', { class: 'row' }, button),
   )
-  store.scene.watch((scene) => (element.hidden = !scene || scene.timeline !== null))
-  return element
 }

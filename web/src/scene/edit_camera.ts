@@ -10,7 +10,7 @@ const ABOVE = 1.9
 const NEAREST = 0.3
 const FARTHEST = 120
 /** Share of the width of the window that an area gets: the rest is for panels. */
-const SHARE = 0.42
+const SHARE = 0.5
 
 export class EditCamera {
   private readonly camera = new PerspectiveCamera(50, 16 / 9, 0.02, 1000)

@@ -5,6 +5,7 @@ import type { Frame, Scene } from '../messages'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { sceneUrl } from './assets'
+import { isBright } from './daylight'
 import { DrawingView } from './drawing_view'
 import { EditCamera } from './edit_camera'
 import { type Asset, loadAsset } from './glb'
@@ -67,8 +68,8 @@ const SETTLING = 0.5
 const SLOW_IMAGE = 0.05
 /** First distance of the camera in Build mode; 1: that of Edit mode. */
 const BUILD_DISTANCE = 1.8
-/** Between a panel and what is shown beside it [CSS pixels]. */
-const GAP = 20
+/** Between a panel and the middle of the edge of an area beside it, whose near corner is nearer [CSS pixels]. */
+const GAP = 50
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
 const LOST = 'The graphics context of this page was lost, perhaps because the driver of the graphics card restarted.'
 /** Time for the browser to restore it [ms]; then the simulator renders. */
@@ -497,7 +498,8 @@ class View implements SceneView {
     this.drawingView.update(store)
     this.overlayView.update(store, state, vehicle, viewpoints.camera)
     // light to work by in Edit and Build mode; the simulation stays as dark as it is
-    const seen = store.isMapViewed && !state.isDay ? { ...state, isDay: true, timeOfDay: null } : state
+    const isDark = store.isMapViewed && !isBright(scene.light_table, state.isDay, state.timeOfDay)
+    const seen = isDark ? { ...state, isDay: true, timeOfDay: null } : state
     this.draw = () => renderer.render(world, viewpoints.camera, seen, followed, 0)
     renderer.render(world, viewpoints.camera, seen, followed, dt)
     this.forget()

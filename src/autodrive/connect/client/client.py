@@ -32,6 +32,7 @@ from autodrive.protocol.messages import (
     GenerateTrack,
     Headlights,
     Indicators,
+    InsertModule,
     LoadScenario,
     MapPart,
     Operation,
@@ -39,6 +40,7 @@ from autodrive.protocol.messages import (
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Resume,
     SaveMap,
@@ -370,6 +372,10 @@ class Client:
         """Remove a movable box."""
         return self.connection.request(RemoveBox(name))
 
+    def remove_traffic(self) -> Frame:
+        """Remove the traffic of the scenario, for example before a map on which it cannot drive."""
+        return self.connection.request(RemoveTraffic())
+
     def set_sensor(
         self,
         vehicle: str,
@@ -403,6 +409,10 @@ class Client:
         See `CloseLoop`.
         """
         return self.connection.request(CloseLoop(part, port, other, other_port))
+
+    def insert_module(self, module: str, part: str, port: str, entry: str = "") -> Frame:
+        """Insert a module where a port of the module `part` is joined with another one. See `InsertModule`."""
+        return self.connection.request(InsertModule(module, part, port, entry))
 
     def edit_track(self, track: TrackLine, *, seen: TrackLine | None = None) -> Frame:
         """Make the map a track by points, or change it, as one edit; `scene.track_scene.line` is the one now.

@@ -22,10 +22,12 @@ from autodrive.protocol.messages import (
     EditTrack,
     Frame,
     GenerateTrack,
+    InsertModule,
     LoadScenario,
     Pause,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Resume,
     SetSensor,
     Undo,
@@ -46,8 +48,8 @@ from autodrive.protocol.own_files import ImportTrack
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
 LOADED = (
-    *(LoadScenario, AddBox, RemoveBox, SetSensor),
-    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack, ImportTrack),
+    *(LoadScenario, AddBox, RemoveBox, SetSensor, RemoveTraffic),
+    *(EditMap, UseMap, CloseLoop, InsertModule, EditTrack, GenerateTrack, ImportTrack),
     *(Undo, Redo),
 )
 """Operations that compile a scenario."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -17,9 +17,9 @@ from autodrive.protocol.messages import CloseLoop, EditMap, MapModule, MapPart
 from autodrive.scenario import kinds
 from autodrive.scenario.files import read_module
 from autodrive.scenario.maps.closing import GAP, closing_chain
-from autodrive.scenario.maps.module import ModuleSpec
+from autodrive.scenario.maps.module import ModuleSpec, Port
 from autodrive.scenario.maps.placing import PORT_TOLERANCE, PlacedPort
-from autodrive.scenario.maps.shapes import moved, rectangle
+from autodrive.scenario.maps.shapes import Pose, moved, rectangle
 from autodrive.scenario.maps.spec import Placement
 from autodrive.world.editing.map_edits import own_map, parts_of
 
@@ -42,14 +42,14 @@ def closing_edit(world: World, edit: CloseLoop) -> EditMap:
     """
     own_map(world.specs)
     if not edit.part:
-        return EditMap(dict(_named(world, _closing_all(world))))
+        return EditMap(dict(named_parts(world, _closing_all(world))))
     pairs = sorted(_pairs(world, edit), key=lambda pair: (_distance(*pair), pair[0][0], pair[1][0]))
-    solids, modules = _solids(world), _modules(world)
+    solids, modules = solids_of(world), known_modules(world)
     misses: list[tuple[End, End, tuple[float, float]]] = []
     for start, end in pairs[:MAX_PAIRS]:
         chain = closing_chain(start[1], end[1], modules, solids)
         if chain.placements:
-            return EditMap(dict(_named(world, chain.placements)))
+            return EditMap(dict(named_parts(world, chain.placements)))
         if chain.miss:
             misses.append((start, end, chain.miss))
     raise CommandError(_why_not(pairs, misses))
@@ -57,10 +57,10 @@ def closing_edit(world: World, edit: CloseLoop) -> EditMap:
 
 def _closing_all(world: World) -> tuple[Placement, ...]:
     """Roads between open ends, the nearest ends first, then the end of a road where no chain of roads leads on."""
-    ends, modules, solids = list(_ends(world)), _modules(world), _solids(world)
+    ends, modules, solids = list(_ends(world)), known_modules(world), solids_of(world)
     if not ends:
         raise CommandError("the map has no open end")
-    pairs = [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :] if _fit(a[1], b[1])]
+    pairs = [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :] if ports_fit(a[1], b[1])]
     placements: list[Placement] = []
     closed: set[tuple[str, str]] = set()
     misses = 0
@@ -72,13 +72,13 @@ def _closing_all(world: World) -> tuple[Placement, ...]:
         chain = closing_chain(start[1], end[1], modules, solids).placements
         misses += not chain
         placements += chain
-        solids += [_footprint(placement, modules) for placement in chain]
+        solids += [footprint(placement, modules) for placement in chain]
         closed |= {_key(start), _key(end)} if chain else set()
     for end in ends:
         last = None if _key(end) in closed else _road_end(end[1], modules, solids)
         if last:
             placements.append(last)
-            solids.append(_footprint(last, modules))
+            solids.append(footprint(last, modules))
     if not placements:
         raise CommandError("no roads fit at the open ends: make room there, or let the ends stay open")
     return tuple(placements)
@@ -88,25 +88,30 @@ def _road_end(port: PlacedPort, modules: Mapping[str, ModuleSpec], solids: Seque
     """A road with one port, such as a dead end, which is joined to a port; None if none fits there."""
     for name, spec in sorted(modules.items()):
         ports = [each for each in spec.ports.values() if not each.is_blind]
-        is_road = spec.type == "road" and len(ports) == 1
-        if not is_road or abs(ports[0].width - port.width) > PORT_TOLERANCE or ports[0].lanes != port.lanes:
+        if spec.type != "road" or len(ports) != 1 or not ports_fit(ports[0], port):
             continue
-        yaw = port.pose[2] + math.pi - math.radians(ports[0].yaw_deg)
-        x, y = moved(np.array([[-ports[0].x, -ports[0].y]]), (*port.pose[:2], yaw))[0].tolist()
-        yaw_deg = round(math.degrees(math.remainder(yaw, 2.0 * math.pi)), 6)
-        placement = Placement(module=name, x=round(x, 6), y=round(y, 6), yaw_deg=yaw_deg)
-        inner = _footprint(placement, modules).buffer(-GAP)
+        placement = placement_at(name, ports[0], port.pose)
+        inner = footprint(placement, modules).buffer(-GAP)
         if not any(inner.intersects(solid) for solid in solids):
             return placement
     return None
 
 
-def _footprint(placement: Placement, modules: Mapping[str, ModuleSpec]) -> BaseGeometry:
+def placement_at(module: str, port: Port, pose: Pose) -> Placement:
+    """A module whose port meets another one, which has that pose in the map (outward)."""
+    yaw = pose[2] + math.pi - math.radians(port.yaw_deg)
+    x, y = moved(np.array([[-port.x, -port.y]]), (*pose[:2], yaw))[0].tolist()
+    yaw_deg = round(math.degrees(math.remainder(yaw, 2.0 * math.pi)), 6)
+    return Placement(module=module, x=round(x, 6), y=round(y, 6), yaw_deg=yaw_deg)
+
+
+def footprint(placement: Placement, modules: Mapping[str, ModuleSpec]) -> BaseGeometry:
+    """The rectangle around a module that is not in the map yet, in the map."""
     spec = modules[placement.module]
     return rectangle(placement.pose, spec.length, spec.width)
 
 
-def _solids(world: World) -> list[BaseGeometry]:
+def solids_of(world: World) -> list[BaseGeometry]:
     """What new roads must not overlap, in the map."""
     roads = [
         placed.footprint for placed in world.map.modules if placed.module.spec.type not in {"terrain", "obstruction"}
@@ -118,7 +123,8 @@ def _key(end: End) -> tuple[str, str]:
     return end[0], end[1].name
 
 
-def _fit(a: PlacedPort, b: PlacedPort) -> bool:
+def ports_fit(a: Port | PlacedPort, b: Port | PlacedPort) -> bool:
+    """Whether ports can be joined: same width and number of lanes."""
     return abs(a.width - b.width) <= PORT_TOLERANCE and a.lanes == b.lanes
 
 
@@ -128,7 +134,7 @@ def _pairs(world: World, edit: CloseLoop) -> Iterator[tuple[End, End]]:
     widths_fit = False
     for start in starts:
         for end in ends:
-            if _key(start) != _key(end) and _fit(start[1], end[1]):
+            if _key(start) != _key(end) and ports_fit(start[1], end[1]):
                 widths_fit = True
                 yield start, end
     if not widths_fit:
@@ -152,7 +158,7 @@ def _ends(world: World, part: str = "", port: str = "") -> Iterator[End]:
         raise CommandError(f"'{part}' has no open end" + (f" '{port}'" if port else ""))
 
 
-def _modules(world: World) -> dict[str, ModuleSpec]:
+def known_modules(world: World) -> dict[str, ModuleSpec]:
     """All modules that can be placed: those of the simulator and those of the map."""
     described = {name: read_module(name) for name in kinds.names("module")}
     folder = Path(world.specs.map.path).parent.absolute()
@@ -163,7 +169,8 @@ def _modules(world: World) -> dict[str, ModuleSpec]:
     return {name: module.spec_or_none for name, module in (described | own).items() if module.spec_or_none}
 
 
-def _named(world: World, placements: tuple[Placement, ...]) -> Iterator[tuple[str, MapPart]]:
+def named_parts(world: World, placements: Iterable[Placement]) -> Iterator[tuple[str, MapPart]]:
+    """Placements as parts of the map, with names that are free."""
     used = {*parts_of(own_map(world.specs)), *world.boxes, *world.spec.vehicles}
     for placement in placements:
         stem = Path(placement.module).stem

@@ -9,13 +9,14 @@ from typing import TypeAlias
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import AddBox, CloseLoop, Edit, EditMap, Place, RemoveBox
+from autodrive.protocol.messages import AddBox, CloseLoop, Edit, EditMap, InsertModule, Place, RemoveBox
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.editing.closing import closing_edit
 from autodrive.world.editing.edits import edited, name_of
+from autodrive.world.editing.inserting import inserting_edit
 from autodrive.world.editing.map_edits import MapEdit, edited_map, name_of_edit, own_map, parts_of
 from autodrive.world.editing.track_edits import vehicles_beside
 from autodrive.world.factory import compile_scenario
@@ -69,6 +70,9 @@ class Editor:
         title = ""
         if isinstance(edit, CloseLoop):
             edit, title = closing_edit(world, edit), "close the loop" if edit.part else "close all open ends"
+        if isinstance(edit, InsertModule):
+            title = f"insert {edit.module}"
+            edit = inserting_edit(world, edit)
         if isinstance(edit, MapEdit):
             after, name = edited_map(specs, edit), title or name_of_edit(edit, specs)
             changed = edit.parts if isinstance(edit, EditMap) else _replaced(world, after)
@@ -130,7 +134,8 @@ class Editor:
             raise CommandError("this Simulation was made for one World: only poses of vehicles and boxes can be edited")
         made = self._make(descriptions)
         try:
-            made.continue_from(world)
+            if made.vehicle_names == world.vehicle_names:  # without the traffic, everything starts anew
+                made.continue_from(world)
             made.set_poses(targets)
             _check_is_free(made, world)
         except BaseException:

@@ -9,11 +9,11 @@ from typing import Any, TypeAlias
 from autodrive.base.errors import CommandError
 from autodrive.base.specs import checked
 from autodrive.base.suggest import suggest
-from autodrive.protocol.messages import AddBox, Place, RemoveBox, SetSensor
+from autodrive.protocol.messages import AddBox, Place, RemoveBox, RemoveTraffic, SetSensor
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.solids import BoxPlacement
 
-ObjectEdit: TypeAlias = Place | AddBox | RemoveBox | SetSensor
+ObjectEdit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | RemoveTraffic
 
 
 def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: ObjectEdit) -> ScenarioSpec:
@@ -40,6 +40,12 @@ def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: ObjectEd
             tree["boxes"].pop(name, None)
             if is_of_map:
                 tree["removed_boxes"] = (*spec.removed_boxes, name)
+        case RemoveTraffic():
+            if not spec.traffic.cars:
+                raise CommandError("the scenario has no traffic")
+            for name in spec.traffic.names:
+                tree["vehicles"].pop(name, None)
+            tree["traffic"] = {}
         case SetSensor(vehicle=vehicle, sensor=sensor):
             _check_known(vehicle, spec.vehicles)
             settings = {"is_on": edit.is_on, "rate": edit.rate, "noise": edit.noise}
@@ -56,6 +62,8 @@ def name_of(edit: ObjectEdit) -> str:
             return f"add {name}"
         case RemoveBox(name=name):
             return f"remove {name}"
+        case RemoveTraffic():
+            return "remove the traffic"
         case SetSensor(vehicle=vehicle, sensor=sensor):
             return f"set {sensor} of {vehicle}"
 

@@ -39,5 +39,7 @@ def _outside(world: World) -> Iterator[MapProblem]:
     for name, vehicle in world.frame.vehicles.items():
         x, y, _ = vehicle.pose.position
         if not is_inside(world.map.drivable_edges, x, y):
-            text = f"'{name}' stands beside the drivable area. Select a road and place the vehicle there."
-            yield MapProblem("outside", text, float(x), float(y), [], {}, name)
+            lane = world.map.lane_graph.nearest(float(x), float(y))
+            place = (lane.x, lane.y, lane.yaw) if lane else None
+            text = f"'{name}' stands beside the road."
+            yield MapProblem("outside", text, float(x), float(y), [], {}, name, place)

@@ -18,6 +18,7 @@ from autodrive.protocol.native import MapPort, MapScene, ModuleScene
 from autodrive.scenario import kinds
 from autodrive.scenario.files import map_titles, read_map, read_module
 from autodrive.scenario.maps.draw import to_svg
+from autodrive.scenario.maps.icons import icon
 from autodrive.scenario.maps.map import Map, compile_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.placing import PlacingProblem
@@ -41,6 +42,7 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
     own = {placement.module: world.specs.map.modules.get(placement.module) for placement in spec.placements}
     modules = {name: read_module(name) for name in kinds.names("module")}
     modules |= {name: described or read_module(name) for name, described in own.items()}
+    props = list(_kinds())
     return MapScene(
         parts=parts,
         ports=_ports(world.map, wrong),
@@ -48,15 +50,23 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
         modules={
             name: _module(name, described, add) for name, described in sorted(modules.items()) if described.spec_or_none
         },
-        props=list(_kinds()),
+        props=[*props],
         templates=map_titles(),
         advice=map_advice(world),
+        faces={kind: _face(kind, add) for kind in props},
     )
 
 
-def _kinds() -> Iterator[str]:
+def _kinds() -> Iterator[PropKind]:
     for kind in get_args(PropKind):
         yield from get_args(kind) or (kind,)
+
+
+def _face(kind: PropKind, add: Callable[[str, bytes], str]) -> str:
+    """Address of the face of a sign or traffic light."""
+    view = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="-.55 -.55 1.1 1.1" width="110" height="110">'
+    svg = f'{view}<g transform="scale(1 -1)">{icon(kind)}</g></svg>'.encode()
+    return add(f"face-{hashlib.sha256(svg).hexdigest()[:16]}.svg", svg)
 
 
 def _ports_of(problem: PlacingProblem) -> list[tuple[int, str]]:

@@ -20,12 +20,14 @@ from autodrive.protocol.messages import (
     EditTrack,
     Frame,
     GenerateTrack,
+    InsertModule,
     LoadScenario,
     Operation,
     Pause,
     Place,
     Redo,
     RemoveBox,
+    RemoveTraffic,
     Reset,
     Resume,
     Retire,
@@ -349,9 +351,9 @@ class Simulation(Paced):
                 self._editor.on_reset()
                 self._end_renewal()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor():
+            case Place() | AddBox() | RemoveBox() | SetSensor() | RemoveTraffic():
                 self._use(self._editor.edit(self.world, request))
-            case EditMap() | UseMap() | CloseLoop() | EditTrack() | GenerateTrack():
+            case EditMap() | UseMap() | CloseLoop() | InsertModule() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))
