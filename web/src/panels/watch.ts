@@ -35,10 +35,15 @@ export function watchHint(store: Store, actions: Actions): HTMLElement {
     if (vehicle?.is_autonomous) hasBegun = true
     else if (hasBegun) store.watched.value = '' // a reset, another driving mode or another scenario has ended it
   })
-  window.addEventListener('keydown', (event) => {
-    const isField = event.target instanceof Element && event.target.closest(FIELDS)
-    if (!isField && !store.isFlying && DRIVING.includes(actionOf(event) ?? '')) void take()
-  })
+  window.addEventListener(
+    'keydown',
+    (event) => {
+      const isField = event.target instanceof Element && event.target.closest(FIELDS)
+      const isDriving = !isField && !store.isFlying && !store.isMapViewed
+      if (isDriving && DRIVING.includes(actionOf(event) ?? '')) void take()
+    },
+    { capture: true },
+  )
   window.addEventListener('pointerdown', (event) => {
     if (event.target instanceof Element && event.target.closest('.pad')) void take()
   })
