@@ -47,7 +47,7 @@ WAIT = 2.0
 """Time that the car waits at a sign [s]."""
 
 
-class Driver(Protocol):
+class VehicleDriver(Protocol):
     """Drives one vehicle."""
 
     def command(self, frame: Frame) -> Command | None:
@@ -63,7 +63,7 @@ class IncludedDriver:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        self._driven: tuple[World, str, Driver] | None = None
+        self._driven: tuple[World, str, VehicleDriver] | None = None
         self._time = 0.0
         """Simulated time of the latest Frame [s]."""
 
@@ -91,7 +91,7 @@ class IncludedDriver:
             self._simulation.submit(vehicle, command)
 
 
-def driver_of(world: World, vehicle: str, frame: Frame) -> Driver:
+def driver_of(world: World, vehicle: str, frame: Frame) -> VehicleDriver:
     """The driver for a vehicle of a world. Raises `AutodriveError` if there is none."""
     spec = world.vehicle_specs[vehicle]
     if world.race is not None:
