@@ -1,4 +1,5 @@
 // What the page shows of a request that is not answered yet, and of one that is refused.
+import { Quaternion, Vector3 } from 'three'
 import { beforeEach, expect, test } from 'vitest'
 
 import { Actions } from '../src/actions'
@@ -11,6 +12,7 @@ import { episode } from '../src/panels/episode'
 import { notices } from '../src/panels/notice'
 import { toolbar } from '../src/panels/toolbar'
 import { recorder } from '../src/replay/recorder'
+import { Labels, type LabelView } from '../src/scene/labels'
 import { connectedPage, FILM, frameOf, sceneOf, statusOf, vehicleOf } from './support'
 
 beforeEach(() => {
@@ -227,4 +229,37 @@ test('cameras that are off are information, and cameras that fail are an error',
     ['info', 'Cameras: The camera images are off.'],
     ['error', 'Cameras: No OpenGL.'],
   ])
+})
+
+test('labels: none of the own vehicle, of a far one, below that of a nearer one, or of traffic without the pointer', () => {
+  const scene = sceneOf(['V1', 'V2', 'V3', 'V4', 'traffic_1'])
+  scene.vehicles.traffic_1 = { ...scene.vehicles.traffic_1, is_traffic: true }
+  const canvas = document.body.appendChild(document.createElement('canvas'))
+  const labels = new Labels(canvas)
+  labels.show(scene)
+  const at = (x: number, y: number) => ({ position: new Vector3(x, y, 0), orientation: new Quaternion() })
+  const vehicles = new Map([
+    ['V1', at(1, 0)],
+    ['V2', at(3, 0)],
+    ['V3', at(3.1, 0)], // 10 pixels beside V2, and farther away
+    ['V4', at(16, 0)],
+    ['traffic_1', at(5, 0)],
+  ])
+  const view: LabelView = {
+    ...{ viewed: 'V1', isOwnHidden: false, isFarShown: false, pointer: [0, 0] },
+    ...{ eye: new Vector3(), up: new Vector3(0, 0, 1), project: (x, y) => [100 * x, 100 * y] },
+  }
+  const shown = (changes: Partial<LabelView> = {}, isShown = true) => {
+    labels.update(vehicles, isShown, { ...view, ...changes })
+    return [...document.querySelectorAll<HTMLElement>('.vehicle-labels span:not([hidden])')].map(
+      ({ textContent }) => textContent,
+    )
+  }
+  expect(shown()).toEqual(['V1', 'V2'])
+  expect(shown({ isOwnHidden: true })).toEqual(['V2'])
+  expect(shown({ isFarShown: true })).toEqual(['V1', 'V2', 'V4'])
+  expect(shown({ viewed: 'V3' })).toEqual(['V1', 'V3']) // the viewed vehicle has precedence
+  expect(shown({ pointer: [520, 10] })).toEqual(['V1', 'V2', 'traffic_1'])
+  expect(shown({}, false)).toEqual([])
+  labels.dispose()
 })

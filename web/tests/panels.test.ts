@@ -12,7 +12,18 @@ import { savedTheme, setTheme } from '../src/panels/theme'
 import { toolbar } from '../src/panels/toolbar'
 import { VehicleEvents } from '../src/panels/vehicle_events'
 import { Scenarios } from '../src/scenarios'
-import { connectedPage, frameOf, pose, scanOf, sceneOf, statusOf, vehicleOf, welcome } from './support'
+import {
+  connectedPage,
+  FakeSocket,
+  frameOf,
+  newPage,
+  pose,
+  scanOf,
+  sceneOf,
+  statusOf,
+  vehicleOf,
+  welcome,
+} from './support'
 
 beforeEach(() => {
   localStorage.clear()
@@ -313,6 +324,18 @@ describe('the menu', () => {
     expect(document.documentElement.dataset.theme).toBe('light')
     setTheme('system')
   })
+})
+
+test('before there is a scene, the menu names no scenario', () => {
+  const { store, connection } = newPage()
+  FakeSocket.latest.open()
+  FakeSocket.latest.receive(welcome())
+  const scenarios = new Scenarios(store, connection, async () => true)
+  document.body.append(menu(store, connection, new Actions(store, connection), h('div'), () => {}, scenarios))
+  const select = get<HTMLSelectElement>('scenario')
+  expect([select.selectedOptions[0].textContent, select.disabled]).toEqual(['Loading…', true])
+  FakeSocket.latest.receive({ ...sceneOf(['V1']), scenario: 'two_cars', title: 'Two cars' })
+  expect([select.selectedOptions[0].textContent, select.disabled]).toEqual(['Two cars', false])
 })
 
 describe('the bridge', () => {

@@ -1,4 +1,4 @@
-import { Matrix4, type Mesh, type Points, Quaternion, Vector3 } from 'three'
+import { BoxGeometry, Matrix4, Mesh, type Points, Quaternion, Vector3 } from 'three'
 import { describe, expect, test } from 'vitest'
 
 import type { Frame, LidarScan } from '../src/messages'
@@ -8,8 +8,9 @@ import { flown, flownNearer } from '../src/scene/flight'
 import type { Node, Vector } from '../src/scene/glb'
 import { LAMPS, lampBrightness } from '../src/scene/lamps'
 import { MotionInterpolator } from '../src/scene/motion'
-import { isSoftware, QualityChoice } from '../src/scene/quality'
+import { isSoftware, PROFILES, QualityChoice } from '../src/scene/quality'
 import { ScanView } from '../src/scene/scan'
+import { depthMaterial, Shadows, sunAxes } from '../src/scene/shadows'
 import { Skeleton } from '../src/scene/skeleton'
 import { TURBO } from '../src/scene/turbo'
 import { VehicleModel } from '../src/scene/vehicle'
@@ -386,6 +387,31 @@ describe('the orbit', () => {
   })
 })
 
+describe('the orbit beside a wall', () => {
+  test('stays before the wall, and returns to its distance beyond it', () => {
+    const shadows = new Shadows(PROFILES.light, sunAxes([0, 0.6, 0.8]), 0.8, 0.3)
+    const wall = new Mesh(new BoxGeometry(0.1, 4, 1), depthMaterial(null))
+    wall.position.set(-1, 0, 0.5)
+    wall.updateMatrixWorld()
+    shadows.staticScene.add(wall)
+    const store = new Store()
+    const viewpoints = new Viewpoints(document.createElement('canvas'), store)
+    const [level, above] = [0.02, 1.4].map((elevation) => {
+      store.orbit.value = { azimuth: Math.PI, elevation, distance: 3 }
+      const vehicle = { position: new Vector3(), orientation: new Quaternion() }
+      const freeShare = shadows.freeShare.bind(shadows)
+      viewpoints.update('Orbit', sceneOf(['V1']), vehicle, 0, { height: 3, halfLength: 0.2, zoom: 1, freeShare })
+      return viewpoints.camera.position.clone()
+    })
+    expect(level.x).toBeGreaterThan(-0.95)
+    expect(level.x).toBeLessThan(-0.85)
+    expect(above.distanceTo(viewpoints.controls.target)).toBeCloseTo(3)
+    expect(store.orbit.value?.distance).toBeCloseTo(3)
+    viewpoints.dispose()
+    shadows.dispose()
+  })
+})
+
 describe('the zoom', () => {
   test("the mouse wheel moves the Bird's Eye in steps, within its limits", () => {
     const scene = sceneOf(['V1'])
@@ -430,7 +456,11 @@ describe('the shade below vehicles of two sizes', () => {
         ...{ name: 'body', parent: -1, position: [0, 0, 0], orientation: [0, 0, 0, 1], joint: null, lamp: '' },
         surfaces: { shadow: [{ ...surface, roughness: 1, metallic: 0, image: -1 }] },
       }
-      return new VehicleModel({ nodes: [node], images: [], imageNames: [], clouds: -1, strips: null }, [], null)
+      return new VehicleModel(
+        { nodes: [node], images: [], imageNames: [], clouds: -1, strips: null, extent: null },
+        [],
+        null,
+      )
     }
     const [places, tiles] = [new Float32Array(8), new Float32Array(8)]
     const [long, short] = [model(0.5, 0.3), model(0.25, 0.15)]

@@ -261,6 +261,17 @@ def test_the_page_shows_the_car(capsys: pytest.CaptureFixture[str]) -> None:
         assert set(client.status.refused) >= {"Reset", "LoadScenario", "Place", "UseMap", "ConnectBridge"}
         assert "Pause" not in client.status.refused
         assert client.frame.vehicles["V1"].pose.position.tolist() == car(plain).pose.position.tolist()
+        assert client.status.episode is not None
+        assert (client.status.episode.number, client.status.episode.cars) == (1, {"V1": "drives"})
+        env.reset(seed=2)
+
+        def is_second() -> bool:
+            status = client.connection.view.status
+            return status is not None and status.episode is not None and status.episode.number == 2
+
+        client.connection.until(is_second, 60.0, "Status")
+        assert client.status.episode is not None
+        assert (client.status.episode.succeeded, client.status.episode.ended) == (0, 1)
     assert env.render() is None
     env.close()
     env.close()

@@ -69,6 +69,8 @@ def test_several_race_cars_have_the_colours_of_the_page_in_camera_images() -> No
     colours = [linear(one) for one in re.findall(r"'(#\w+)'", listed)]
     assert [paint_of(asset) for asset in scene.vehicles[:3]] == [{colour} for colour in colours[:3]]
     assert paint_of(scene.vehicles[3]) == paint_of(car("nigel"))
+    shown = scene_of(compile_scenario(ScenarioSpec(vehicles=cars)), paints_all=True)  # for people, with Stream
+    assert [paint_of(asset) for asset in shown.vehicles] == [{colour} for colour in colours[:4]]
     alone = scene_of(compile_scenario(ScenarioSpec(vehicles={"V1": cars["V1"]})))
     assert paint_of(alone.vehicles[0]) == paint_of(car("roboracer"))
 

@@ -14,6 +14,7 @@ from autodrive.graphics.render.look import NIGHT, air_of, look_at, sun_at
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.physics.sensors.camera.view import View
+from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import Weather
 from tests.support.scenes import CAR, ground, lights, needs_gl, node, pinhole, render_state, view
 
@@ -124,3 +125,43 @@ def test_headlights_light_snow_in_the_air_and_fog() -> None:
                 state.vehicles["lamps"][:, :4] = level
                 means.append(renderer.draw(state, [look])[0].rgba[..., :3].astype(float)[120:].mean())
             assert means[1] > means[0] + 3.0
+
+
+@pytest.mark.parametrize("weather", [Weather(), Weather(clouds=0.8), Weather(fog=0.3)])
+@pytest.mark.parametrize("hour", [6.5, 12.0, 17.7, 18.2, 23.0])
+def test_ground_beyond_what_was_placed_fades_into_the_horizon(hour: float, weather: Weather) -> None:
+    """No edge between ground and sky, whatever the light; the ground of the map keeps its own colour."""
+    floor = node("floor", ground(-250, -250, 250, 250), casts=False)
+    looks = [view(0.0, 0.0, 0.15, yaw_deg=float(yaw), own=pinhole(80, 480, 30.0)) for yaw in range(0, 360, 60)]
+    state = render_state(is_day=sun_at(hour * HOUR)[2] > 1e-9)
+    state.header["time_of_day"], state.header["air"] = hour * HOUR, air_of(weather)
+    images = {}
+    for extent in ((-3.0, -3.0, 3.0, 3.0), None):
+        world = Asset("static", (floor,), EMPTY.static.textures, extent=extent)
+        with Renderer(RenderScene(world, [], [], []), "software") as renderer:
+            images[extent] = [image.rgba[..., :3].astype(float).mean(1) for image in renderer.draw(state, looks)]
+    faded, plain = images.values()
+    for rows, before in zip(faded, plain, strict=True):
+        # 3 levels between rows that are 2 pixels apart at the horizon: half of it is the change of the sky
+        assert np.abs(rows[238] - rows[242]).max() < 3.0
+        assert rows[-1] == pytest.approx(before[-1])  # within 1 m
+    if hour < 18.0 and not weather.fog:
+        assert max(np.abs(rows[238] - rows[242]).max() for rows in plain) > 10.0
+
+
+def test_light_in_fog_begins_beyond_the_body_of_the_car() -> None:
+    """Seen from behind, headlights light the fog beside the car and beyond it, and nothing before its body."""
+    world = Asset("static", (node("floor", ground(-20, -20, 20, 20), casts=False),), EMPTY.static.textures)
+    look = view(-0.6, 0.0, 0.2, pitch_deg=10.0)
+    images = []
+    with Renderer(RenderScene(world, [CAR], [], [lights()]), "software") as renderer:
+        for level in (0.0, 1.0):
+            state = render_state(1, is_day=False)
+            state.header["air"] = air_of(Weather(fog=0.6))
+            state.vehicles["lamps"][:, :4] = level
+            images.append(renderer.draw(state, [look], labels=True)[0])
+    brighter = images[1].rgba[..., :3].astype(float).mean(-1) - images[0].rgba[..., :3].astype(float).mean(-1)
+    is_body = images[0].labels == Label.VEHICLE
+    assert is_body.sum() > 500
+    assert np.abs(brighter[is_body]).max() < 3.0
+    assert brighter[~is_body].max() > 30.0

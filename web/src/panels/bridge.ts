@@ -106,7 +106,7 @@ export function bridge(store: Store, connection: Connection, showPrograms: () =>
   const details = h(
     'details',
     { testid: 'bridge', open: loadPreference('bridge') === 'open' },
-    h('summary', {}, 'Connect a devkit script', status),
+    h('summary', {}, 'Devkit script', status),
     h(
       'form',
       { class: 'bridge', novalidate: true, onsubmit: (event: Event) => void start(event) },

@@ -185,9 +185,9 @@ function scenario(store: Store, scenarios: Scenarios): HTMLElement {
 
   function show(): void {
     const { titles, loading } = scenarios
-    setOptions(select, titles)
-    select.disabled = loading.value !== '' || 'LoadScenario' in store.refused.value
     const present = loading.value || store.scene.value?.scenario
+    setOptions(select, present ? titles : { '': 'Loading…' }) // the first scenario of the list is not the present one
+    select.disabled = loading.value !== '' || !present || 'LoadScenario' in store.refused.value
     if (present) select.value = present
     const activity = store.status.value?.note
     const isLoading = `Loading ${titles[loading.value] ?? loading.value}…`

@@ -56,7 +56,12 @@ export interface Asset {
   /** Index of the noise of the clouds; -1: none. */
   clouds: number
   strips: Strips | null
+  /** Of a map: where its ground begins to fade into the horizon; null: nowhere. */
+  extent: Extent | null
 }
+
+/** x_min, y_min, x_max, y_max [m]. */
+export type Extent = [number, number, number, number]
 
 const MAGIC = 0x46546c67
 const FLOAT = 5126
@@ -79,7 +84,13 @@ interface TreeNode {
   mesh?: number
   translation?: Vector
   rotation?: [number, number, number, number]
-  extras?: { detail?: Detail; joint?: Joint; lamp?: string; strips?: { vertices: number; triangles: number } }
+  extras?: {
+    detail?: Detail
+    joint?: Joint
+    lamp?: string
+    strips?: { vertices: number; triangles: number }
+    extent?: Extent
+  }
 }
 
 interface Mesh {
@@ -135,6 +146,7 @@ export async function readAsset(data: ArrayBuffer): Promise<Asset> {
     imageNames,
     clouds: imageNames.indexOf('clouds'),
     strips: strips ?? null,
+    extent: tree.nodes[0].extras?.extent ?? null,
   }
 }
 

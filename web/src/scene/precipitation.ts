@@ -25,8 +25,8 @@ import { BEAM_FOG_FRAGMENT, BEAM_FOG_VERTEX, PRECIPITATION_FRAGMENT, PRECIPITATI
 const STREAKS = 260
 const FLAKES = 500
 const DROPS = 14
-/** As `BEAM_FOG_CELLS` of the simulator. */
-const BEAM_FOG_CELLS = 24 * 18
+/** Columns and rows of the grid, as `BEAM_FOG_CELLS` of the simulator. */
+const BEAM_FOG_CELLS = [48, 36]
 /** The places of streaks and flakes change so often [Hz]. */
 const RATE = 30
 /** As `CLOUD_DRIFT` of the simulator. */
@@ -49,15 +49,17 @@ export class Precipitation {
   constructor(private readonly shared: Record<string, IUniform>) {
     const count = STREAKS + FLAKES + DROPS
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array(18 * count), 3))
-    this.fogGeometry.setAttribute('position', new BufferAttribute(new Float32Array(18 * BEAM_FOG_CELLS), 3))
+    const [columns, rows] = BEAM_FOG_CELLS
+    this.fogGeometry.setAttribute('position', new BufferAttribute(new Float32Array(3 * (columns + 1) * (rows + 1)), 3))
+    this.fogGeometry.setIndex(grid(columns, rows))
     const uniforms = { ...shared, ...this.own, heads: shared.head_count }
     const shaders = [
       { vertexShader: BEAM_FOG_VERTEX, fragmentShader: BEAM_FOG_FRAGMENT },
       { vertexShader: PRECIPITATION_VERTEX, fragmentShader: PRECIPITATION_FRAGMENT },
     ]
-    this.materials = shaders.map((pair) => {
+    this.materials = shaders.map((pair, i) => {
       return new ShaderMaterial({
-        ...{ ...pair, uniforms, glslVersion: GLSL3, transparent: true, depthTest: false, depthWrite: false },
+        ...{ ...pair, uniforms, glslVersion: GLSL3, transparent: true, depthTest: i === 0, depthWrite: false },
         ...{ blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcColorFactor },
       })
     })
@@ -106,6 +108,17 @@ export class Precipitation {
     this.own.shape.value.set(pixel / x, pixel / y, 0.1 + 0.9 * this.wind, this.time)
     this.materials[1].uniformsNeedUpdate = true
   }
+}
+
+/** Two triangles for each cell of a grid, whose vertices are in rows. */
+function grid(columns: number, rows: number): number[] {
+  const indices: number[] = []
+  for (let row = 0; row < rows; row++)
+    for (let column = 0; column < columns; column++) {
+      const first = row * (columns + 1) + column
+      indices.push(first, first + 1, first + columns + 2, first, first + columns + 2, first + columns + 1)
+    }
+  return indices
 }
 
 const size = new Vector2()

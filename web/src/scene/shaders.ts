@@ -22,7 +22,7 @@ const LIGHT = /* glsl */ `
 uniform vec3 sun_direction, sun_color, zenith, horizon;
 uniform vec4 floor_glow;  // snow cover of the ground
 uniform vec4 exposure;    // of reflected light, of emitted light, extinction of the air, wetness of the ground
-uniform vec4 sun_place, dawn;
+uniform vec4 sun_place, dawn, extent;
 uniform float dusk;
 `
 
@@ -186,6 +186,9 @@ vec3 in_air(vec3 light, vec3 emission) {
   if (is_day == 0) light += outlined(own_color, n, v);
 #elif defined(WET)
   light += glint(n, v);
+#endif
+#ifndef SKINNED
+  if (own_finish.z < 0.5 && place.z < 0.001) light = hazy(light, v);
 #endif
 #ifdef AIR
   float share = exp(-exposure.z * distance(cameraPosition, place));

@@ -8,12 +8,14 @@ import {
   DepthTexture,
   DoubleSide,
   GLSL3,
+  InstancedMesh,
   LessEqualCompare,
   LinearFilter,
   Matrix3,
   Matrix4,
-  NearestFilter,
+  Mesh,
   type Object3D,
+  Raycaster,
   RedFormat,
   Scene,
   ShaderMaterial,
@@ -32,6 +34,8 @@ const FINE = 0.006
 const NEAR = 4
 const NEAR_STEP = 2
 const SKIN = 1.2
+/** Between a camera and the wall behind it [m]. */
+const CLEARANCE = 0.04
 
 /** Material for depth maps: with an offset against shadow acne, and two-sided, because thin parts cast shadows too. */
 export function depthMaterial(bones: IUniform<Float32Array> | null): ShaderMaterial {
@@ -82,11 +86,11 @@ export class Shadows {
     private sunHeight: number,
     private readonly extent: number,
   ) {
-    const { stillMap, casterMap, beamMap, softness, isLightweight } = profile
+    const { stillMap, casterMap, beamMap, softness } = profile
     this.targets = {
-      still: softness > 0 ? target(stillMap, isLightweight) : null,
-      caster: softness > 0 ? target(casterMap, isLightweight) : null,
-      beam: beamMap > 0 ? target(2 * beamMap, isLightweight) : null,
+      still: softness > 0 ? target(stillMap) : null,
+      caster: softness > 0 ? target(casterMap) : null,
+      beam: beamMap > 0 ? target(2 * beamMap) : null,
     }
     this.uniforms.still_map.value = this.targets.still?.depthTexture ?? null
     this.uniforms.caster_map.value = this.targets.caster?.depthTexture ?? null
@@ -102,6 +106,16 @@ export class Shadows {
     this.sun.copy(sunAxes(direction))
     this.sunHeight = direction[2]
     this.isStaticMapOutdated = true
+  }
+
+  /** Share of the way from a point to another that is free of walls and buildings. */
+  freeShare(from: Vector3, to: Vector3): number {
+    const way = pointing.subVectors(to, from)
+    sight.far = way.length()
+    sight.set(from, way.normalize())
+    const solids = this.staticScene.children.filter((one) => one instanceof Mesh && !(one instanceof InstancedMesh))
+    const [hit] = sight.intersectObjects(solids, false)
+    return hit ? Math.max(hit.distance - CLEARANCE, 0) / sight.far : 1
   }
 
   /** Clears all maps once, because the shaders also sample maps into which nothing is drawn. */
@@ -240,10 +254,10 @@ export class Shadows {
   }
 }
 
-function target(edge: number, isPlain: boolean): WebGLRenderTarget {
+function target(edge: number): WebGLRenderTarget {
   const depthTexture = new DepthTexture(edge, edge, UnsignedIntType)
   depthTexture.compareFunction = LessEqualCompare
-  depthTexture.minFilter = depthTexture.magFilter = isPlain ? NearestFilter : LinearFilter
+  depthTexture.minFilter = depthTexture.magFilter = LinearFilter
   return new WebGLRenderTarget(edge, edge, { depthTexture, format: RedFormat, generateMipmaps: false })
 }
 
@@ -269,6 +283,7 @@ function sunBox(root: Object3D, sun: Matrix3, box: Box3): number {
 
 type InstanceMatrix = (index: number, matrix: Matrix4) => void
 
+const sight = new Raycaster()
 const center = new Vector3()
 const pointing = new Vector3()
 const pose = new Matrix4()

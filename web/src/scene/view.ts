@@ -474,7 +474,9 @@ class View implements SceneView {
     if (!vehicle) return false
     const spec = scene.vehicles[followed]
     const zoom = lensZoomOf(store) * (isStream ? Math.max(1, viewpoints.camera.aspect / STREAM_ASPECT) : 1)
-    const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom }
+    // the simulator, which draws the images of Stream, has no such limit
+    const freeShare = isStream || !world ? undefined : world.freeShare.bind(world)
+    const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom, freeShare }
     if (store.isTurning.value && !store.isMapViewed) viewpoints.turn(scene, dt)
     else viewpoints.update(store.camera.value, scene, vehicle, dt, view)
     if (store.isMapViewed && !isStream) {

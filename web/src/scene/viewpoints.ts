@@ -26,6 +26,13 @@ interface GodsEye extends Omit<Lens, 'field_of_view'> {
   turn_time: number
   zoom_time: number
 }
+type FreeShare = (from: Vector3, to: Vector3) => number
+interface ViewSettings {
+  height: number
+  halfLength: number
+  zoom: number
+  freeShare?: FreeShare
+}
 const UP = new Vector3(0, 0, 1)
 /** Rotation from the axes of a three.js camera (looks along -z, y up) to ours (looks along x, z up). */
 const CAMERA = new Quaternion().setFromRotationMatrix(
@@ -72,18 +79,21 @@ export class Viewpoints {
     this.godState = null
   }
 
-  /** Advances the camera by `dt` [s]; `height` [m] of the Bird's Eye, `halfLength` [m] of the vehicle. */
+  /**
+   * Advances the camera by `dt` [s]; `height` [m] of the Bird's Eye, `halfLength` [m] of the vehicle. `freeShare`: of the
+   * way from a point to another, which the orbit does not go beyond.
+   */
   update(
     name: Camera,
     scene: Scene,
     vehicle: PlacedObject,
     dt: number,
-    { height, halfLength, zoom }: { height: number; halfLength: number; zoom: number },
+    { height, halfLength, zoom, freeShare = () => 1 }: ViewSettings,
   ): void {
     this.controls.enabled = name === 'Orbit'
     if (name !== "God's Eye") this.godState = null
     if (name === 'Fly' && (this.hasLooked || this.store.fly.value)) this.flyOn(dt)
-    else if (name === 'Orbit') this.orbitVehicle(vehicle, dt)
+    else if (name === 'Orbit') this.orbitVehicle(vehicle, dt, freeShare)
     else if (name === "Driver's Eye" || name === 'Fly')
       this.driversEye(scene.scene_cameras["Driver's Eye"] as DriversEye, vehicle)
     else if (name === "Bird's Eye") this.birdsEye(scene.scene_cameras[name] as unknown as Lens, vehicle, height)
@@ -170,7 +180,7 @@ export class Viewpoints {
     return within({ ...{ x: position.x, y: position.y, z: position.z }, azimuth, elevation: -tilt })
   }
 
-  private orbitVehicle(vehicle: PlacedObject, dt: number): void {
+  private orbitVehicle(vehicle: PlacedObject, dt: number, freeShare: FreeShare): void {
     const target = offset
       .set(ORBIT_TARGET_AHEAD, 0, ORBIT_TARGET_HEIGHT)
       .applyQuaternion(vehicle.orientation)
@@ -189,7 +199,7 @@ export class Viewpoints {
     this.placed = moved > ORBIT_PRECISION ? now : before
     if (this.placed !== before) this.store.orbit.value = this.placed
     this.setLens(fov, near, far)
-    this.camera.position.copy(position)
+    this.camera.position.copy(this.controls.target).lerp(position, freeShare(this.controls.target, position))
     this.camera.quaternion.copy(this.orbitCamera.quaternion)
   }
 

@@ -59,6 +59,7 @@ export class World {
     sun_place: { value: new Vector4() },
     dawn: { value: new Vector4() },
     dusk: { value: 0 },
+    extent: { value: new Vector4(-1e9, -1e9, 1e9, 1e9) },
     is_day: { value: 1 },
     caster_count: { value: 0 },
     beam_count: { value: 0 },
@@ -106,6 +107,7 @@ export class World {
     const axes = { sun_from_map: this.sunFromMap }
     this.shared = { ...this.light, ...this.shadows.uniforms, ...this.places, ...lamps, ...axes }
     const map = asset(assets, description.model)
+    if (map.extent) this.light.extent.value.fromArray(map.extent)
     const textures = this.textures(map)
     this.sky = new Sky(this.shared, textures[map.clouds] ?? null)
     const ground = description.ground.map((address) => asset(assets, address))
@@ -138,6 +140,11 @@ export class World {
     this.precipitation.update(state, this.effects.includes('AIR'))
     for (const lens of this.lenses) lens.show(state.trafficLights)
     this.glare.update([...this.vehicles.values()], this.lenses, this.light.dusk.value)
+  }
+
+  /** Share of the way from a point to another that is free of walls and buildings. */
+  freeShare(from: Vector3, to: Vector3): number {
+    return this.shadows.freeShare(from, to)
   }
 
   /** Draws the shadow maps for the current state. */

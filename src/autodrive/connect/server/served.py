@@ -106,7 +106,7 @@ def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneView
         from autodrive.graphics.cameras.scene_views import SceneViews  # noqa: PLC0415
         from autodrive.world.views.cameras import camera_rig, scene_rig  # noqa: PLC0415
 
-        return SceneViews(scene_rig(world, quality), slots=camera_rig(world.compiled).slots)
+        return SceneViews(scene_rig(world, quality, paints_all=True), slots=camera_rig(world.compiled).slots)
 
     return start
 

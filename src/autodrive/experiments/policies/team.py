@@ -173,7 +173,14 @@ def show(
     """
     settings = EnvSettings(observation="state", frame_skip=team.ticks, render_mode=mode)
     results: list[Results] = []
-    world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
+    world = RenderedWorld(
+        team.task.scenario,
+        settings,
+        task=team.task.name,
+        has_camera=False,
+        port=port,
+        is_real_time=is_real_time,
+    )
     with closing(world) as rendered:
         for number in itertools.count() if episodes is None else range(episodes):
             results.append(_episode(team, rendered, seed + number))

@@ -130,6 +130,8 @@ class Asset:
     textures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """sRGB images by name, shape (height, width, 3), first row at the top."""
     strips: Strips | None = None
+    extent: tuple[float, float, float, float] | None = None
+    """x_min, y_min, x_max, y_max of what was placed in a map [m]; level ground beyond it fades into the horizon."""
     foreign_textures: tuple[str, ...] = ()
     """Names of textures of the asset to which this one belongs as a part."""
 

@@ -94,6 +94,8 @@ class _GlbWriter:
             root["extras"] = {
                 "strips": {"vertices": vertices, "triangles": self._accessor(strips.triangles, "<u4", "SCALAR")}
             }
+        if self._asset.extent is not None:
+            root.setdefault("extras", {})["extent"] = [*self._asset.extent]
         own = {node.name: self._node(node) for node in self._asset.nodes}
         if len(own) < len(self._asset.nodes):
             raise ValueError(f"asset '{self._asset.name}': two nodes have the same name")

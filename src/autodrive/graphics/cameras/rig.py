@@ -26,6 +26,8 @@ class SceneContents(NamedTuple):
     map: Map
     vehicles: dict[str, VehicleSpec]
     boxes: list[BoxPlacement]
+    paints_all: bool = False
+    """Whether all cars have different colours if there are several, not only race cars."""
 
 
 class CameraSlot(NamedTuple):
@@ -54,7 +56,7 @@ class CameraRig:
     @property
     def scene(self) -> RenderScene:
         """What a renderer needs; read or built anew each time."""
-        return scene_of(self.contents)
+        return scene_of(self.contents, paints_all=self.contents.paints_all)
 
 
 class CameraArray:

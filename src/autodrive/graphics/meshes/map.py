@@ -54,7 +54,7 @@ def map_asset(map_: Map) -> Asset:
         for i, surfaces in ground.tiles
     ]
     nodes = (*tiles, *solid_nodes(map_))
-    return Asset(map_.name, nodes, _textures(nodes), strips([*ground.paint, *ground.shade]))
+    return Asset(map_.name, nodes, _textures(nodes), strips([*ground.paint, *ground.shade]), tile_extent(map_))
 
 
 class GroundPart(NamedTuple):
@@ -90,7 +90,7 @@ def map_parts(map_: Map) -> tuple[Asset, list[GroundPart]]:
     others = [line for own in lines.values() for line in own]
     nodes = (*solid_nodes(map_),)
     of_ground = (AssetNode("", surfaces={"full": surfaces}) for _, surfaces in ground.tiles)
-    solids = Asset(map_.name, nodes, _textures((*nodes, *of_ground)))
+    solids = Asset(map_.name, nodes, _textures((*nodes, *of_ground)), extent=tile_extent(map_))
     return solids, [*parts, GroundPart(tuple(rest), (*others, *ground.shade))]
 
 

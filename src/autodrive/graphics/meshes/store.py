@@ -54,10 +54,11 @@ class Drawable(Protocol):
         ...
 
 
-def scene_of(world: Drawable) -> RenderScene:
+def scene_of(world: Drawable, *, paints_all: bool = False) -> RenderScene:
     """The scene of a world; equal vehicles and boxes share one asset.
 
-    Several race cars have different colours, as on the page. Other cars have none, as in the original.
+    Several race cars have different colours, as on the page. Other cars have none, as in the original, unless it
+    `paints_all`, for people.
     """
     known: dict[str, Asset] = {}
 
@@ -67,7 +68,7 @@ def scene_of(world: Drawable) -> RenderScene:
 
     def car(number: int, spec: VehicleSpec) -> Asset:
         asset = shared("vehicle", spec)
-        return painted(asset, number) if spec.is_race_car and len(world.vehicles) > 1 else asset
+        return painted(asset, number) if (spec.is_race_car or paints_all) and len(world.vehicles) > 1 else asset
 
     return RenderScene(
         static=shared("map", world.map),

@@ -31,7 +31,7 @@ NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1
 FRAME = np.dtype(
     [
         *((name, "f4", 4) for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow", "exposure")),
-        *((name, "f4", 4) for name in ("sun_place", "dawn")),
+        *((name, "f4", 4) for name in ("sun_place", "dawn", "extent")),
         ("sun_from_map", "f4", (4, 4)),
         *((name, "f4", 4) for name in ("still_scale", "still_offset")),
         *((name, "f4", (CASTERS, 4)) for name in ("caster_offset", "caster_tile", "caster_place")),
@@ -109,6 +109,7 @@ class DrawList:
         self.outlines = [outline(model) for model in vehicles]
         """Outline of each vehicle; see `outline`."""
         self.frame = np.zeros((), FRAME)
+        self._extent = scene.static.extent or (-1e9, -1e9, 1e9, 1e9)
         self.n_beam = 0
         """Number of headlights in the first slots of the lamps."""
         self.n_caster = 0
@@ -205,6 +206,7 @@ class DrawList:
         self.frame["horizon"][3] = look.dusk
         self.frame["sun_place"][3] = (CLOUD_DRIFT * look.air.wind * time) % 1000.0
         self.frame["dawn"][3] = look.air.clouds
+        self.frame["extent"] = self._extent
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
 
     def set_casters(

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 STREAKS, FLAKES, DROPS = 260, 500, 14
 """Rain streaks, snow flakes, and drops on the lens, in an image of the heaviest rain and snow."""
-BEAM_FOG_CELLS = 24 * 18
-"""Cells of the beams in fog, `CELLS` in shaders/beam_fog.vert."""
+BEAM_FOG_CELLS = 48, 36
+"""Cells of the beams in fog along the image and up, `CELLS` in shaders/beam_fog.vert."""
 STARRY = 0.125
 """Brightness of the zenith (its green part) below which there are stars."""
 COARSE_WIDTH = 400
@@ -374,7 +374,7 @@ class Renderer:
         is_foggy = heads > 0 and "AIR" in air.effects
         if streaks + flakes == 0 and not is_foggy:
             return
-        self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.disable(moderngl.CULL_FACE)
         self._context.enable(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
         common = {
@@ -382,7 +382,10 @@ class Renderer:
             "heads": np.int32(heads).tobytes(),
         }
         if is_foggy:
-            self._draw_plain("beam_fog", 6 * BEAM_FOG_CELLS, common)
+            self._context.fbo.depth_mask = False
+            self._draw_plain("beam_fog", -1, common)
+            self._context.fbo.depth_mask = True
+        self._context.disable(moderngl.DEPTH_TEST)
         k = view.intrinsics
         place = f"{view.position} {view.orientation}".encode()
         seed = zlib.crc32(place, round(1e4 * time)) & 0x7FFFFFFF
@@ -502,7 +505,9 @@ class Renderer:
         # the first row is at the top
         definitions = {"DOWN": "1.0", "TAPS": self.quality.taps} | ({"SUNLIT": 1} if is_day else {})
         program = self._linked(f"{name}.vert", f"{name}.frag", False, **definitions)
-        return program, self._context.vertex_array(program, [])
+        if name != "beam_fog":
+            return program, self._context.vertex_array(program, [])
+        return program, self._context.vertex_array(program, [], self._context.buffer(grid(*BEAM_FOG_CELLS).tobytes()))
 
     def _new_ground_shadows(self) -> GroundShadows:
         program = self._linked("ground_shadow.vert", "ground_shadow.frag", TAPS=self.quality.taps)
@@ -543,6 +548,12 @@ class Renderer:
             if name in program:
                 program[name] = unit
         return program
+
+
+def grid(width: int, height: int) -> NDArray[np.uint32]:
+    """Numbers of the vertices of two triangles for each cell, in rows of vertices; shape (6 * cells,)."""
+    first = (np.arange(height)[:, None] * (width + 1) + np.arange(width)).reshape(-1, 1)
+    return (first + np.array([0, 1, width + 2, 0, width + 2, width + 1])).astype(np.uint32).ravel()
 
 
 def _is_starry(look: Daylight) -> bool:

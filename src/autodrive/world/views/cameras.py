@@ -25,9 +25,10 @@ def camera_rig(compiled: CompiledScenario, quality: str = "auto") -> CameraRig:
     )
 
 
-def scene_rig(world: World, quality: str = "auto") -> CameraRig:
-    """The scene of a world as it is now, without its cameras."""
-    return CameraRig(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values())), quality)
+def scene_rig(world: World, quality: str = "auto", *, paints_all: bool = False) -> CameraRig:
+    """The scene of a world as it is now, without its cameras; `paints_all`: see `SceneContents`."""
+    contents = SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), paints_all)
+    return CameraRig(contents, quality)
 
 
 def process_cameras(compiled: CompiledScenario, quality: str = "auto", *, is_wanted: bool = True) -> ProcessCameras:

@@ -4,6 +4,7 @@
     vec4 exposure;              // for reflected light, for emitted light; extinction of the air, wetness of the ground
     vec4 sun_place;             // towards the sun or moon that is seen, drift of the clouds
     vec4 dawn;                  // glow of the sky below the sun, share of clouds
+    vec4 extent;                // least and greatest x, y of what was placed
     mat4 sun_from_map;
     vec4 still_scale, still_offset;    // from in_sun to the static shadow map; offset of in_sun from the surface
     vec4 caster_offset[16];     // the same for the tile of each vehicle

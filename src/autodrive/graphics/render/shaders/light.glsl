@@ -7,6 +7,25 @@ vec3 around(vec3 n) {
     return mix(floor_glow.rgb, 0.5 * (zenith.rgb + horizon.rgb), n.z * 0.5 + 0.5);
 }
 
+// Light of level ground, which fades into the horizon beyond what was placed: into its colour, and for a view along the
+// ground also into the glow below a low sun. v: direction to the camera.
+vec3 hazy(vec3 light, vec3 v) {
+    vec2 beyond = max(max(extent.xy - place.xy, place.xy - extent.zw), 0.0);
+    float far = dot(beyond, beyond);
+    if (far > 0.0) {
+        vec2 ahead = -v.xy * inversesqrt(dot(v.xy, v.xy) + 1e-9);
+        float across = dot(ahead, sun_place.xy), along = 1.0 / (1.0 + 60.0 * v.z * v.z);
+        float towards = 0.5 + 0.5 * across * inversesqrt(dot(sun_place.xy, sun_place.xy) + 1e-9);
+        vec3 glow = dawn.rgb * (0.12 + 0.88 * towards * towards * towards * towards);
+        glow += sun_color.rgb * (0.0025 / (1.002 - across));
+#ifdef AIR
+        glow *= exp(-150.0 * exposure.z);  // as in sky.frag at the horizon
+#endif
+        light = mix(light, horizon.rgb * 0.31831 + along * along * glow, far / (far + 36.0));
+    }
+    return light;
+}
+
 // What a surface mirrors of sky and floor.
 vec3 mirrored(Finish f, vec3 n, vec3 v, float open) {
     vec3 r = reflect(-v, n);

@@ -162,6 +162,9 @@ void main() {
 #ifdef WET
     if (is_still) light += glint(n, v) * open;
 #endif
+#ifdef GROUND
+    light = hazy(light, v);
+#endif
 #ifdef AIR
     float share = exp(-exposure.z * distance(eye.xyz, place));  // the rest is light of the horizon
     light = mix(horizon.rgb * 0.31831, light, share);
