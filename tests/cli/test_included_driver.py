@@ -9,11 +9,15 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import AutodriveError
+from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Collision, Command, LapCompleted, OffRoad, RedLight, Reset, StopSign
+from autodrive.protocol.native import Error, Frame, LetDrive, Request, Response
+from autodrive.run import RunOptions
 from autodrive.run.included_driver import IncludedDriver, driver_of
 from autodrive.run.recordings import ClientRecordings
 from autodrive.world import World
 from autodrive.world.simulation import Simulation
+from tests.cli.test_cli_page import await_message, started, viewer
 
 FAULTS = Collision, OffRoad, RedLight, StopSign
 
@@ -60,6 +64,21 @@ def test_it_drives_a_vehicle_of_a_simulation_until_the_person_drives_or_a_reset(
             while simulation.frame.time < began + 3.0:
                 pass
             assert abs(simulation.frame.vehicles["V1"].speed) < 0.01
+
+
+def test_a_client_lets_it_drive_and_gives_the_vehicle_back() -> None:
+    with started(RunOptions("mini_map")) as run, viewer(run.link) as one:
+        one.send(encode(Request(1, LetDrive("V1"))))
+        await_message(one, Response)
+        while await_message(one, Frame).vehicles["V1"].speed < 0.1:
+            pass
+        one.send(encode(Request(2, LetDrive("V1", is_on=False))))
+        await_message(one, Response)
+        while await_message(one, Frame).vehicles["V1"].is_autonomous:
+            pass
+        one.send(encode(Request(3, LetDrive("V7"))))
+        assert "vehicle 'V7' is not known" in await_message(one, Error).text
+        run.end()
 
 
 def test_it_refuses_a_map_without_lanes() -> None:
