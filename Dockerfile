@@ -37,8 +37,9 @@ RUN uv venv -q --python /usr/bin/python3 /opt/autodrive && \
         mv /opt/compiled autodrive/lib/python3.11/site-packages/autodrive/; \
     fi && \
     find autodrive/lib \( -name __pycache__ -o -path "*/numba*/tests" -o -path "*/numpy*/tests" \) -prune -exec rm -r {} + && \
-    find autodrive/lib -name "*.so" -exec strip --strip-unneeded {} + && \
-    autodrive/bin/python -m compileall -q autodrive/lib
+    strip --strip-unneeded autodrive/lib/python3.11/site-packages/llvmlite/binding/libllvmlite.so && \
+    autodrive/bin/python -m compileall -q autodrive/lib && \
+    autodrive/bin/autodrive run mini_map --headless --speed max --duration 0.1
 
 FROM builder AS script-packages
 RUN uv venv -q --python /usr/bin/python3 /opt/script && \
@@ -53,6 +54,7 @@ EXPOSE 4567
 ENTRYPOINT ["/opt/script/bin/python", "/script/follow_loop.py"]
 
 FROM graphics AS simulator
+RUN mkdir -m 1777 /data
 COPY --from=built /opt/autodrive /opt/autodrive
 ENV PATH=/opt/autodrive/bin:$PATH
 USER 10001:10001

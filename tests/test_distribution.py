@@ -180,3 +180,17 @@ def test_the_client_distribution_drives_a_simulator_from_a_clean_environment(tmp
     assert found == "found:"
     assert float(time.removeprefix("time:")) > 0.0
     assert "autodrive-simulator" in make
+
+
+def test_the_packages_for_ros_and_cpp_have_the_version_of_the_simulator() -> None:
+    stated = {
+        "clients/cpp/CMakeLists.txt": r"^project\(autodrive VERSION (\S+)",
+        "ros/ros2/autodrive_ros2/setup.py": r'^    version="(.+)"',
+        **{str(path.relative_to(ROOT)): r"^  <version>(.+)</version>" for path in ROOT.glob("ros/**/package.xml")},
+    }
+    versions = {
+        file: re.findall(pattern, (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
+        for file, pattern in stated.items()
+    }
+    assert versions == {file: [autodrive.__version__] for file in stated}
+    assert f"\n## [{autodrive.__version__}] - 20" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

@@ -36,7 +36,7 @@ def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("rival", "wins", "collisions"), [("race", 0.55, 0.07), ("follow_the_gap", 0.95, 0.05)])
+@pytest.mark.parametrize(("rival", "wins", "collisions"), [("race", 0.48, 0.02), ("follow_the_gap", 0.95, 0.05)])
 def test_the_included_policy_beats_others_in_a_duel(rival: str, wins: float, collisions: float) -> None:
     """In the first 60 of the races that the documentation counts: with one more loss or two, it fails."""
     examples = Path(__file__).parents[3] / "examples" / "racing"
