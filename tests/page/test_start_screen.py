@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from PIL import Image
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from autodrive.protocol.native import Starting
+from autodrive.run.included_driver import IncludedDriver
 from autodrive.run.options import RunOptions
 from autodrive.run.world_loader import WorldLoader
 from autodrive.scenario.kinds import names
@@ -32,12 +34,15 @@ def chosen_later() -> Iterator[Served]:
     loader = WorldLoader(RunOptions("plane", has_start_screen=True))
     simulation = Simulation(loader.load("plane"), load=loader.load)
     loader.follow(simulation)
+    driver = IncludedDriver(simulation)
+    simulation.add_sink(driver)
     with simulation:
         yield Served(
             simulation,
             loader.scenery,
             scenarios={name: name for name in names("scenario")},
             has_start_screen=lambda: loader.has_start_screen,
+            let_drive=driver.let_drive,
         )
     simulation.world.close()
 
@@ -110,13 +115,8 @@ def test_a_card_that_is_chosen_early_is_entered_when_the_simulator_is_ready(
 def test_the_scene_turns_behind_the_start_screen_and_esc_leaves_it(
     chosen_later: Served, built: Path, new_tab: NewTab
 ) -> None:
-    chosen_later = Served(
-        chosen_later.simulation,
-        chosen_later.scene_files,
-        scenarios=chosen_later.scenarios,
-        has_start_screen=lambda: True,
-    )
-    with SimulationServer(chosen_later, PageOptions(port=0), page=built) as server:
+    served = replace(chosen_later, has_start_screen=lambda: True)
+    with SimulationServer(served, PageOptions(port=0), page=built) as server:
         tab = new_tab(size=(1280, 720), is_first_visit=True).open(server.url + "?quality=low")
         tab.get("start").wait_for(state="visible")
         tab.get("still").wait_for(state="hidden")  # the scene is drawn behind it
@@ -133,6 +133,25 @@ def test_the_scene_turns_behind_the_start_screen_and_esc_leaves_it(
         linked = new_tab(is_first_visit=True).open(server.url + "?quality=low#camera=orbit")
         linked.wait_until(lambda: linked.get("hud").count() == 1)
         assert linked.get("start").is_hidden()
+
+
+def test_the_simulator_drives_a_watched_card_until_the_user_takes_the_wheel(
+    chosen_later: Served, built: Path, new_tab: NewTab
+) -> None:
+    served = replace(chosen_later, has_start_screen=lambda: True)
+    simulation = served.simulation
+    with SimulationServer(served, PageOptions(port=0), page=built) as server:
+        tab = new_tab(size=(1280, 720), is_first_visit=True).open(server.url + "?quality=low")
+        tab.click("start-park-watch")
+        tab.get("watch").wait_for(state="visible")
+        assert "Press W to take the wheel" in tab.text("watch")
+        tab.wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.15)
+        assert simulation.frame.vehicles["V1"].is_autonomous
+        tab.page.keyboard.down("s")
+        tab.get("watch").wait_for(state="hidden")
+        tab.wait_until(lambda: simulation.frame.vehicles["V1"].speed < -0.05)
+        tab.page.keyboard.up("s")
+        assert not simulation.frame.vehicles["V1"].is_autonomous
 
 
 def test_the_menu_opens_the_list_of_all_scenarios(plane: PageServer, tab: Tab) -> None:

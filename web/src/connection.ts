@@ -167,6 +167,7 @@ export class Connection {
         if (store.welcome.value) store.link.value = 'open'
         break
       case 'Blocked':
+        if (message.vehicle === store.watched.value) break // the user takes the wheel just now
         store.notice.value = store.scene.value?.timeline
           ? 'This is a replay. The recorded commands drive.'
           : `${message.vehicle} is in Autonomous mode. Press Driving Mode in the menu to drive.`

@@ -46,6 +46,7 @@ import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
 import { tour } from './panels/tour'
 import { VehicleEvents } from './panels/vehicle_events'
+import { watchHint } from './panels/watch'
 import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
@@ -157,6 +158,7 @@ canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
 const mayDiscardMap = () => mayDiscard('Another map', save)
 const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture, proposeFromLink)
+document.body.append(watchHint(store, actions))
 const [still, startScreen] = start(store, actions, scenarios, openFiles, state)
 canvas.after(still)
 document.body.append(startScreen, ...edit(store, editor, view, save))

@@ -510,6 +510,17 @@ export interface ViewSensor {
 }
 
 /**
+ * Let the driver that is included in the simulator drive a vehicle, or give the vehicle back to the person.
+ *
+ * The vehicle is in autonomous mode meanwhile. The driver ends with `SetDrivingMode`, a `Reset` or another scenario.
+ */
+export interface LetDrive {
+  type: 'LetDrive'
+  vehicle: string
+  is_on?: boolean
+}
+
+/**
  * What the present weather means in numbers: the `text` of the Response, as `autodrive weather` prints it.
  */
 export interface DescribeWeather {
@@ -564,10 +575,13 @@ export interface FilmRecording {
 }
 
 /**
- * Serve the latest recording of this simulator with its page; the text of the Response is the port.
+ * Serve a recording with its page; the text of the Response is the port.
+ *
+ * `name`: a file of the simulator's folder of recordings, such as 'drive.mcap'; empty: the latest recording.
  */
 export interface ReplayRecording {
   type: 'ReplayRecording'
+  name?: string
 }
 
 /**
@@ -863,7 +877,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
   heard?: number | null
 }
 
@@ -1613,7 +1627,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | RemoveTraffic | EditMap | UseMap | CloseLoop | InsertModule | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | LetDrive | DescribeWeather | DescribeVehicle | StartRecording | StopRecording | SaveRecording | FilmRecording | ReplayRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | CollisionEnded | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

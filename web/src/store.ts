@@ -130,6 +130,8 @@ export class Store {
   fallbackQuality: Quality | null = null
   /** Whether the start screen is shown, with the scenarios that can be entered. */
   readonly isStartOpen = new Observable(false)
+  /** The vehicle that the driver of the simulator drives for this page; empty: none. */
+  readonly watched = new Observable('')
   /** Whether the camera turns slowly around the map, behind the start screen of the first visit. */
   readonly isTurning = new Observable(false)
   readonly isMenuOpen = new Observable(false)

@@ -4,9 +4,10 @@ import { Actions } from '../src/actions'
 import { banner } from '../src/panels/banner'
 import { h } from '../src/panels/element'
 import { start } from '../src/panels/start'
+import { watchHint } from '../src/panels/watch'
 import { Scenarios } from '../src/scenarios'
 import { stillOf } from '../src/stills'
-import { FakeSocket, frameOf, newPage, sceneOf, statusOf, welcome } from './support'
+import { FakeSocket, frameOf, newPage, sceneOf, statusOf, vehicleOf, welcome } from './support'
 
 const TITLES = { traffic: 'Town', practice: 'Track', traffic_rain: 'Rain', plane: 'Plane', parking: 'Lot' }
 const offered = welcome({ scenarios: TITLES, has_start_screen: true })
@@ -35,7 +36,7 @@ function page() {
   const hints = h('section', {}, line)
   const openFiles = vi.fn(async () => {})
   const scenarios = new Scenarios(store, connection, async () => true)
-  document.body.append(hints, ...start(store, actions, scenarios, openFiles, line))
+  document.body.append(hints, watchHint(store, actions), ...start(store, actions, scenarios, openFiles, line))
   const socket = FakeSocket.latest
   socket.open()
   return { store, socket, hints, line, openFiles }
@@ -92,6 +93,54 @@ describe('the start screen', () => {
     socket.respond(frameOf())
     await settle()
     expect(store.isBuilding.value).toBe(true)
+  })
+
+  test('a watched card lets the simulator drive until a driving key is pressed', async () => {
+    const { store, socket } = page()
+    ready(socket)
+    expect(get('watch').hidden).toBe(true)
+    get('start-town-watch').click()
+    expect(socket.request).toEqual({ type: 'LoadScenario', name: 'traffic' })
+    socket.respond(frameOf())
+    await settle()
+    expect(socket.request).toEqual({ type: 'LetDrive', vehicle: 'V1' })
+    socket.respond(frameOf(['V1'], { vehicles: { V1: vehicleOf({ is_autonomous: true }) } }))
+    await settle()
+    expect(store.watched.value).toBe('V1')
+    expect(get('watch').hidden).toBe(false)
+    expect(get('watch').textContent).toContain('to take the wheel')
+    document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'c', code: 'KeyC', bubbles: true }))
+    expect(socket.request).not.toHaveProperty('is_on')
+    document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'w', code: 'KeyW', bubbles: true }))
+    expect(socket.request).toEqual({ type: 'LetDrive', vehicle: 'V1', is_on: false })
+    socket.respond(frameOf())
+    await settle()
+    expect(get('watch').hidden).toBe(true)
+  })
+
+  test('the hint of a watched card ends with a reset', async () => {
+    const { store, socket } = page()
+    ready(socket)
+    store.watched.value = 'V1'
+    socket.receive(frameOf(['V1'], { vehicles: { V1: vehicleOf({ is_autonomous: true }) } }))
+    expect(get('watch').hidden).toBe(false)
+    socket.receive(frameOf())
+    expect([store.watched.value, get('watch').hidden]).toEqual(['', true])
+  })
+
+  test('a recording is replayed in a tab of its own', async () => {
+    const { socket } = page()
+    ready(socket)
+    const tab = { location: { href: '' }, close: vi.fn() }
+    vi.spyOn(window, 'open').mockReturnValue(tab as unknown as Window)
+    const input = get<HTMLInputElement>('start-file')
+    Object.defineProperty(input, 'files', { value: [new File([''], 'lap.mcap')], configurable: true })
+    input.dispatchEvent(new Event('change'))
+    await settle()
+    expect(socket.request).toEqual({ type: 'ReplayRecording', name: 'lap.mcap' })
+    socket.respond(frameOf(), '8765')
+    await settle()
+    expect(new URL(tab.location.href).port).toBe('8765')
   })
 
   test('lists all scenarios and says which one runs; an error of the choice is shown', async () => {

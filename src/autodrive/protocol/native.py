@@ -148,6 +148,16 @@ class ViewSensor(msgspec.Struct, frozen=True, tag=True):
     rate: float = 5.0
 
 
+class LetDrive(msgspec.Struct, frozen=True, tag=True):
+    """Let the driver that is included in the simulator drive a vehicle, or give the vehicle back to the person.
+
+    The vehicle is in autonomous mode meanwhile. The driver ends with `SetDrivingMode`, a `Reset` or another scenario.
+    """
+
+    vehicle: Name
+    is_on: bool = True
+
+
 class DescribeWeather(msgspec.Struct, frozen=True, tag=True):
     """What the present weather means in numbers: the `text` of the Response, as `autodrive weather` prints it."""
 
@@ -167,6 +177,7 @@ ServerOperation: TypeAlias = (
     | DisconnectBridge
     | SetCamera
     | ViewSensor
+    | LetDrive
     | DescribeWeather
     | DescribeVehicle
     | RecordingOperation

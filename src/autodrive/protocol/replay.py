@@ -44,7 +44,12 @@ class FilmRecording(msgspec.Struct, frozen=True, tag=True):
 
 
 class ReplayRecording(msgspec.Struct, frozen=True, tag=True):
-    """Serve the latest recording of this simulator with its page; the text of the Response is the port."""
+    """Serve a recording with its page; the text of the Response is the port.
+
+    `name`: a file of the simulator's folder of recordings, such as 'drive.mcap'; empty: the latest recording.
+    """
+
+    name: Name = ""
 
 
 class PlotRecording(msgspec.Struct, frozen=True, tag=True):

@@ -134,9 +134,9 @@ class ClientRecordings(RecordingControl):
         self._film = FilmProcess(recording, output, request.camera, request.vehicle)
         return output.name
 
-    def replay(self) -> str:
-        """Serve the latest recording; the port of its page. Raises `AutodriveError`."""
-        recording = self._recorded()
+    def replay(self, name: str = "") -> str:
+        """Serve a recording of the folder, or the latest one; the port of its page. Raises `AutodriveError`."""
+        recording = self._named(name) if name else self._recorded()
         if self._replay is None or self._replay.recording != recording or not self._replay.is_running:
             if self._replay is not None:
                 self._replay.close()
@@ -160,6 +160,16 @@ class ClientRecordings(RecordingControl):
         if self._latest is None or not self._latest.exists():
             raise AutodriveError("nothing was recorded, or its file was removed")
         return self._latest
+
+    def _named(self, name: str) -> Path:
+        """The recording of that name in the folder. Raises `AutodriveError`."""
+        path = self._folder / Path(name).name
+        if path.suffix != ".mcap" or not path.is_file():
+            raise AutodriveError(
+                f"'{path.name}' is not in the folder of the recordings, {self._folder.absolute()}: copy it there, or "
+                "run: autodrive replay FILE"
+            )
+        return path
 
     def _note(self, file: Path) -> None:
         """A recording is complete."""

@@ -25,6 +25,7 @@ from autodrive.protocol.native import Starting
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.compile_later import compile_later
 from autodrive.run.first_picture import FirstPicture
+from autodrive.run.included_driver import IncludedDriver
 from autodrive.run.options import RunOptions
 from autodrive.run.recordings import ClientRecordings
 from autodrive.run.summary import Odometer, Summary, run_summary
@@ -351,12 +352,14 @@ def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
     from autodrive.connect.server.served import Served, scene_renderer_factory
     from autodrive.run.own_files import UserFiles
 
-    loader = run.loader
+    loader, driver = run.loader, IncludedDriver(run.simulation)
+    run.simulation.add_sink(driver)
     return Served(
         run.simulation,
         loader.scenery,
         bridge=run.bridge,
         scenarios=loader.scenarios,
+        let_drive=driver.let_drive,
         has_start_screen=lambda: loader.has_start_screen,
         jpeg_encoder=run.encoder,
         recording=recordings,

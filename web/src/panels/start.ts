@@ -3,6 +3,7 @@ import '../start.css'
 
 import type { Actions } from '../actions'
 import { Observable } from '../observable'
+import { openReplay } from '../replay/open_replay'
 import type { Scenarios } from '../scenarios'
 import { stillOf } from '../stills'
 import type { Store } from '../store'
@@ -28,7 +29,7 @@ const CARDS: readonly Card[] = [
     ...{ still: 'build', scenario: 'plane', builds: true },
   },
   {
-    ...{ id: 'open', title: 'Open a file', line: 'A scenario, a map, a track, or a picture of a track' },
+    ...{ id: 'open', title: 'Open a file', line: 'A recording, a scenario, a map, a track, or its picture' },
     ...{ still: 'night', scenario: '' },
   },
 ]
@@ -57,15 +58,24 @@ export function start(
   const chosen = new Observable<Entry | null>(null)
   const isReady = () => store.link.value === 'open'
   const file = h('input', {
-    ...{ type: 'file', multiple: true, accept: '.yaml,.yml,.png,.pgm', hidden: true, testid: 'start-file' },
+    ...{ type: 'file', multiple: true, accept: '.mcap,.yaml,.yml,.png,.pgm', hidden: true, testid: 'start-file' },
     onchange: () => {
       const files = [...(file.files ?? [])]
       file.value = ''
-      if (files.length > 0) choose({ title: files[0].name, still: '', enter: () => openFiles(files).then(() => true) })
+      const [first] = files
+      if (!first) return
+      const open = () => (/\.mcap$/i.test(first.name) ? openReplay(store, actions, first.name) : openFiles(files))
+      choose({ title: first.name, still: '', enter: () => open().then(() => true) })
     },
   })
   const close = h('button', { testid: 'start-close', title: 'Close (Esc)', onclick: () => hide() }, 'Close')
-  const cards = CARDS.map((card) => cardOf(card, () => (card.scenario ? choose(entryOf(card)) : file.click())))
+  const cards = CARDS.map((card) =>
+    cardOf(
+      card,
+      () => (card.scenario ? choose(entryOf(card)) : file.click()),
+      () => choose(entryOf(card, true)),
+    ),
+  )
   const list = h('ul', { class: 'all', testid: 'start-scenarios' })
   const all = h('section', { class: 'plate' }, h('h3', { id: 'start-all' }, 'All scenarios'), list)
   const slot = h('div', { class: 'slot' })
@@ -81,12 +91,15 @@ export function start(
   let home: HTMLElement | null = null
   let isOffered = false
 
-  function entryOf({ title, still, scenario, builds }: Card): Entry {
+  /** `isWatched`: the driver of the simulator drives, until the user takes the wheel. */
+  function entryOf({ title, still, scenario, builds }: Card, isWatched = false): Entry {
     return {
       ...{ title, still },
       enter: async () => {
         if (!(await load(scenario))) return false
         store.isBuilding.value = builds ?? false
+        const vehicle = store.vehicle.value
+        if (isWatched && (await actions.request({ type: 'LetDrive', vehicle }))) store.watched.value = vehicle
         return true
       },
     }
@@ -95,6 +108,7 @@ export function start(
   /** Loads a scenario, and shows it as the AutoDRIVE Simulator shows its own at the start. */
   async function load(name: string): Promise<boolean> {
     store.isEditing.value = store.isBuilding.value = false
+    store.watched.value = ''
     if (!(await scenarios.choose(name))) {
       if (scenarios.error.value) store.error.value = scenarios.error.value
       return false
@@ -161,11 +175,18 @@ export function start(
   return [stillPicture(store, scenarios, chosen), dialog]
 }
 
-function cardOf({ id, title, line, still }: Card, choose: () => void): HTMLElement {
+function cardOf(
+  { id, title, line, still, builds, scenario }: Card,
+  choose: () => void,
+  watch: () => void,
+): HTMLElement {
+  const isDriven = scenario !== '' && !builds
+  const label = { 'aria-label': `Watch: ${title}`, title: 'The simulator drives until you take the wheel' }
   return h(
     'li',
     { class: 'card' },
     h('button', { testid: `start-${id}`, onclick: choose }, picture(still), h('b', {}, title), h('span', {}, line)),
+    isDriven && h('button', { class: 'watches', testid: `start-${id}-watch`, onclick: watch, ...label }, 'Watch'),
   )
 }
 
@@ -179,7 +200,7 @@ function picture(name: string): HTMLElement {
 function moveFocus(dialog: HTMLElement, event: KeyboardEvent): void {
   const [across, down] = ARROWS[event.key] ?? [0, 0]
   const from = document.activeElement
-  const buttons = [...dialog.querySelectorAll<HTMLElement>('li button')]
+  const buttons = [...dialog.querySelectorAll<HTMLElement>('li button:not(.watches)')]
   if ((!across && !down) || !(from instanceof HTMLElement) || !buttons.includes(from)) return
   event.preventDefault()
   if (across) {

@@ -5,6 +5,7 @@ import { h, setText } from '../panels/element'
 import { busy } from '../panels/pending'
 import { sceneUrl } from '../scene/assets'
 import type { Store } from '../store'
+import { openReplay } from './open_replay'
 
 export interface RecordedCard {
   element: HTMLElement
@@ -17,7 +18,7 @@ export function recordedCard(store: Store, actions: Actions): RecordedCard {
   const state = h('span', { class: 'recorded-state', testid: 'recorded-state', role: 'status' })
   const replay = h(
     'button',
-    { class: 'primary', testid: 'recorded-replay', onclick: () => void busy(replay, openReplay) },
+    { class: 'primary', testid: 'recorded-replay', onclick: () => void busy(replay, () => openReplay(store, actions)) },
     'Replay',
   )
   const film = h('button', { testid: 'recorded-film', onclick: () => void busy(film, startFilm) }, 'Film')
@@ -29,21 +30,6 @@ export function recordedCard(store: Store, actions: Actions): RecordedCard {
   let duration = 0
   let isFilming = false
   let isAwaited = false
-
-  /** A tab of its own shows the recording; the simulation goes on. */
-  async function openReplay(): Promise<void> {
-    const tab = window.open('', '_blank') // now: a browser opens no tab later than a click
-    const port = await actions.textOf({ type: 'ReplayRecording' })
-    if (port === null) {
-      tab?.close()
-      return
-    }
-    const url = new URL(location.href)
-    url.port = port
-    url.hash = ''
-    if (tab) tab.location.href = url.href
-    else store.warning.value = `The browser has blocked the tab of the replay. Open ${url.href}`
-  }
 
   async function startFilm(): Promise<void> {
     const isScene = store.camera.value === "Driver's Eye" || store.camera.value === "Bird's Eye"

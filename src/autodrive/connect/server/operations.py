@@ -65,13 +65,16 @@ class ServerOperations:
         self.table: dict[type, Callable[[Any], Awaitable[Answer | None]]] = {
             native.ConnectBridge: lambda request: bridge.connect(request.host, request.port),
             native.DisconnectBridge: lambda _: bridge.disconnect(),
+            native.LetDrive: partial(
+                asyncio.to_thread, lambda request: served.let_drive(request.vehicle, request.is_on)
+            ),
             native.DescribeWeather: self._describe_weather,
             native.DescribeVehicle: partial(asyncio.to_thread, self._vehicle_description),
             replay.StartRecording: lambda request: self._record(recording.start, request.keep),
             replay.StopRecording: lambda _: self._record(recording.stop),
             replay.SaveRecording: lambda _: self._record(recording.save),
             replay.FilmRecording: lambda request: self._record(recording.film, request),
-            replay.ReplayRecording: lambda _: self._record(recording.replay),
+            replay.ReplayRecording: lambda request: self._record(recording.replay, request.name),
             replay.PlotRecording: partial(asyncio.to_thread, self._curves),
             own_files.ListFiles: partial(asyncio.to_thread, lambda _: Answer(files=served.own_files.listed())),
             own_files.SaveFile: partial(asyncio.to_thread, self._saved_file),

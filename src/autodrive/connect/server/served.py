@@ -66,7 +66,7 @@ class RecordingControl:
         """Begin to film the latest recording; the name of the film. Raises `AutodriveError`."""
         raise AutodriveError("nothing was recorded")
 
-    def replay(self) -> str:
+    def replay(self, name: str = "") -> str:
         """Serve the latest recording; the port of its page. Raises `AutodriveError`."""
         raise AutodriveError("nothing was recorded")
 
@@ -111,6 +111,10 @@ def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneView
     return start
 
 
+def _no_driver(vehicle: str, is_on: bool) -> None:
+    raise AutodriveError("this simulator has no driver of its own")
+
+
 @dataclass(frozen=True)
 class Served:
     """A simulation with all that its clients see and may do."""
@@ -125,6 +129,8 @@ class Served:
     """Connected and disconnected by requests; it need not be started. None: such requests are refused."""
     scenarios: Mapping[str, str] = field(default_factory=dict)
     """Name -> title of the scenarios that clients may load with the Simulation's `load`."""
+    let_drive: Callable[[str, bool], None] = _no_driver
+    """Lets the included driver drive a vehicle, or ends that; called in another thread. Raises `AutodriveError`."""
     has_start_screen: Callable[[], bool] = lambda: False
     """Whether nobody has chosen a scenario yet, so that a page offers them."""
     jpeg_encoder: JpegEncoder | None = None

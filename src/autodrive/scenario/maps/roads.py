@@ -103,11 +103,11 @@ def roads(map_: Map, clearance: float) -> Roads:
     lines = {i: shapely.LineString(graph.lanes[i].points) for i in kept}
     pairs = _conflicts(graph, lines, clearance)
     lines_of_signs = [*map_.stop_lines, *map_.give_way_lines]
-    stops = {i: line for i in kept if (line := _stop(graph.lanes[i].points, lines_of_signs))}
+    stops = {i: line for i in kept if (line := stop_line_on(graph.lanes[i].points, lines_of_signs))}
     gates = {i for pair in pairs for i in pair} | set(stops)
     chains = [[i] for i in sorted(gates)] + list(_chains(next_of, gates))
     link_of = {lane: k for k, chain in enumerate(chains) for lane in chain}
-    points = [_resampled(graph.path(tuple(chain))) for chain in chains]
+    points = [resampled(graph.path(tuple(chain))) for chain in chains]
     spacing = np.array([_steps(line)[0] for line in points])
     length = np.array([(len(line) - 1) * step for line, step in zip(points, spacing.tolist(), strict=True)])
     minor = {i for i, (_, line) in stops.items() if line.kind in ("stop", "give_way")}
@@ -160,7 +160,7 @@ def _conflicts(graph: LaneGraph, lines: dict[int, shapely.LineString], clearance
     return [(i, k) for i, k in sorted(pairs) if math.dist(lines[i].coords[0], lines[k].coords[0]) > SPACING]
 
 
-def _stop(points: Floats, lines: Sequence[StopLine]) -> tuple[float, StopLine] | None:
+def stop_line_on(points: Floats, lines: Sequence[StopLine]) -> tuple[float, StopLine] | None:
     """The first stop line that a lane crosses in its direction, and where it does [m]."""
     for line in lines:
         x, y, yaw = line.pose
@@ -226,7 +226,7 @@ def _clear_from(points: Floats, other: shapely.LineString, clearance: float) -> 
     return int(np.flatnonzero(near)[-1]) + 1 if near.any() else 0
 
 
-def _resampled(path: Floats) -> Floats:
+def resampled(path: Floats) -> Floats:
     """Points at equal distances on a path, shape (n, 2)."""
     at = np.concatenate([[0.0], np.cumsum(_steps(path))])
     count = max(2, math.ceil(at[-1] / SPACING - 1e-9) + 1)
