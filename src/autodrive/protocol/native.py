@@ -39,6 +39,8 @@ SUBPROTOCOL = f"autodrive.v{PROTOCOL}"
 Vector: TypeAlias = tuple[float, float, float]
 Source: TypeAlias = Literal["script", "person"]
 """Origin of a command. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
+CarState: TypeAlias = Literal["drives", "succeeded", "failed"]
+"""What a car does in an episode of an environment."""
 HostName: TypeAlias = Annotated[str, msgspec.Meta(max_length=253)]
 """A host name (RFC 1035) or an IP address."""
 Rate: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
@@ -440,7 +442,7 @@ class Episode(msgspec.Struct, frozen=True):
     task: str
     number: int
     """The first episode is 1."""
-    cars: dict[str, Literal["drives", "succeeded", "failed"]]
+    cars: dict[str, CarState]
     """What each car does in this episode."""
     gap: float | None = None
     """How far the first car is ahead of the second one along the track [m]; None: it is no race."""

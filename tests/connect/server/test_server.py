@@ -58,8 +58,14 @@ def test_a_client_gets_welcome_and_scene_before_the_first_frame(client: NativeCl
 
 
 def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one(simulation: Simulation) -> None:
-    unknown: dict[str, object] = dict.fromkeys(("share", "remaining", "scene", "frame"))
-    unknown |= {"scenario": "", "has_start_screen": False}
+    unknown = {
+        "share": None,
+        "remaining": None,
+        "scene": None,
+        "frame": None,
+        "scenario": "",
+        "has_start_screen": False,
+    }
     with SimulationServer(None, PageOptions(port=free_port())) as server:
         with native_client(server, "early") as early:  # its Hello is sent now
             assert early.receive() == {"type": "Starting", "stage": "starting", **unknown}

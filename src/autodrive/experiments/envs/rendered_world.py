@@ -149,11 +149,11 @@ class RenderedWorld:
         return self.readings
 
     def _begin_episode(self) -> None:
-        from autodrive.protocol.native import Episode  # noqa: PLC0415
+        from autodrive.protocol.native import CarState, Episode  # noqa: PLC0415
 
         before = self._episode
         task = self._task or self._compiled.spec.title or self._compiled.spec.map_name
-        cars = dict.fromkeys(self.commanded_names, "drives")
+        cars: dict[str, CarState] = dict.fromkeys(self.commanded_names, "drives")
         if before is None:
             self._episode = Episode(task, 1, cars)
         else:

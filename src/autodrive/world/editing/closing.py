@@ -113,7 +113,7 @@ def footprint(placement: Placement, modules: Mapping[str, ModuleSpec]) -> BaseGe
 
 def solids_of(world: World) -> list[BaseGeometry]:
     """What new roads must not overlap, in the map."""
-    roads = [
+    roads: list[BaseGeometry] = [
         placed.footprint for placed in world.map.modules if placed.module.spec.type not in {"terrain", "obstruction"}
     ]
     return roads + [static.plan for static in world.map.statics]

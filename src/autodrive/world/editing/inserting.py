@@ -256,11 +256,12 @@ def _is_road(placed: PlacedModule) -> bool:
 
 def _solids(map_: Map, part: frozenset[int], removed: frozenset[int], motion: Motion) -> list[BaseGeometry]:
     """What new roads must not overlap, if some modules are moved and some are removed."""
-    return [
+    roads: list[BaseGeometry] = [
         shapely.transform(placed.footprint, lambda at: moved(at, motion)) if i in part else placed.footprint
         for i, placed in enumerate(map_.modules)
         if _is_road(placed) and i not in removed
-    ] + [static.plan for static in map_.statics]
+    ]
+    return roads + [static.plan for static in map_.statics]
 
 
 def _is_free(
