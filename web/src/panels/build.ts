@@ -239,7 +239,7 @@ function start(store: Store, { builder, trackBuilder, files }: Building): HTMLEl
   const content = [h('div', { class: 'row' }, track, fromPicture), select, own, h('div', { class: 'row' }, open)]
   const folded = h(
     'details',
-    { class: 'section start', testid: 'build-start' },
+    { class: 'section start-from', testid: 'build-start' },
     h('summary', {}, h('h2', {}, 'Start from')),
     ...content,
     picture,
