@@ -36,8 +36,10 @@ RUN uv venv -q --python /usr/bin/python3 /opt/autodrive && \
         autodrive/bin/python -m autodrive.cli.compiled /opt/compiled && \
         mv /opt/compiled autodrive/lib/python3.11/site-packages/autodrive/; \
     fi && \
-    find autodrive/lib \( -name __pycache__ -o -path "*/numba*/tests" -o -path "*/numpy*/tests" \) -prune -exec rm -r {} + && \
-    strip --strip-unneeded autodrive/lib/python3.11/site-packages/llvmlite/binding/libllvmlite.so && \
+    find autodrive/lib \( -name __pycache__ -o -path "*/numba*/tests" -o -path "*/numpy*/tests" -o -path "*/mujoco/doc" \
+        -o -path "*/mujoco/include" \) -prune -exec rm -r {} + && \
+    find autodrive/lib -name "*.so" \( -path "*/llvmlite/*" -o -path "*/uvloop/*" -o -path "*/yaml/*" \) \
+        -exec strip --strip-unneeded {} + && \
     autodrive/bin/python -m compileall -q autodrive/lib && \
     autodrive/bin/autodrive run mini_map --headless --speed max --duration 0.1
 
