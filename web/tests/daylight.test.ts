@@ -35,7 +35,11 @@ describe('daylight', () => {
   })
 
   it('is bright by the fixed light of the day and by a sun of more than 8 degrees', () => {
-    const at = (degrees: number) => look(2, [1, 0, Math.sin((degrees * Math.PI) / 180)])
+    // as in `look.py`: a lower sun shines as if it were 8 degrees high, but its dusk goes on
+    const at = (degrees: number): Daylight => {
+      const high = Math.sin((Math.max(degrees, 8) * Math.PI) / 180)
+      return { ...look(2, [1, 0, high]), dusk: Math.min(Math.max(1 - degrees / 16, 0), 1) }
+    }
     const minutes = [night, at(2), at(7.9), at(8.1), at(60), night]
     const day = { day: look(1, [0, 0, 0]), night, minutes }
     const bright = minutes.map((_, i) => isBright(day, i > 0 && i < 5, 600 * i))

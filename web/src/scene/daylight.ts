@@ -25,9 +25,6 @@ export const LAMPS_LIT = 0.5
 const WINDOWS_LIT = 0.45
 const CLOUD_DUSK = 0.65
 
-/** Sine of the elevation of the sun below which Edit and Build mode show the fixed light of the day: 8 degrees. */
-const WORKING_SUN = Math.sin((8 * Math.PI) / 180)
-
 /** What surfaces and sky show of weather and dusk, as flags of the shaders. */
 export function effectsOf(weather: Weather | null, sight: number, dusk: number): string[] {
   const found = {
@@ -93,9 +90,9 @@ export function daylight(table: Record<string, unknown>, isDay: boolean, timeOfD
   return nights === 1 ? { ...(isSame(low, night) ? high : low), dawn, dusk, sun_place } : between
 }
 
-/** Whether there is light to work by: that of the day, or of a sun that is high enough. */
+/** Whether there is light to work by: that of the day, or of a sun of 8 degrees or more, from which on lamps are off. */
 export function isBright(table: Record<string, unknown>, isDay: boolean, timeOfDay: number | null): boolean {
-  return isDay && (timeOfDay === null || daylight(table, isDay, timeOfDay).sun_direction[2] >= WORKING_SUN)
+  return isDay && (timeOfDay === null || daylight(table, isDay, timeOfDay).dusk < LAMPS_LIT)
 }
 
 /** The light at a time of day [s since midnight]. */
