@@ -96,7 +96,7 @@ def test_eigen_3_3_to_5_is_accepted_by_the_package_and_by_its_users(
     programs: Path, tmp_path: Path, version: str, is_accepted: bool
 ) -> None:
     (tmp_path / "CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.16)\nproject(user CXX)\nfind_package(autodrive 0.1 REQUIRED)\n"
+        "cmake_minimum_required(VERSION 3.16)\nproject(user CXX)\nfind_package(autodrive 1.0 REQUIRED)\n"
     )
     package = eigen_package(tmp_path, version)
     for number, source in enumerate((PACKAGE, tmp_path)):
