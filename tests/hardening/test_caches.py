@@ -20,6 +20,7 @@ from numba.core import config
 from numba.core.registry import cpu_target
 
 from autodrive.base import jit
+from autodrive.base.cache import user_name
 from autodrive.base.turns import Turns
 from autodrive.cli.doctor import run_checks
 from tests.support.hardening import cases
@@ -279,8 +280,9 @@ def ended(process: subprocess.Popen[str]) -> tuple[str, list[str]]:
 
 
 @pytest.mark.process
-def test_without_a_writable_folder_the_start_works_with_one_line() -> None:
-    output, lines = ended(start(NUMBA_CACHE_DIR="", XDG_CACHE_HOME="", HOME="/proc/1/home"))
+def test_without_a_writable_folder_the_start_works_with_one_line(tmp_path: Path) -> None:
+    (tmp_path / f"autodrive-{user_name()}").write_text("a file where the folder should be")
+    output, lines = ended(start(NUMBA_CACHE_DIR="", XDG_CACHE_HOME="", HOME="/proc/1/home", TMPDIR=str(tmp_path)))
     assert output == "(-0.25, 0.25) ['slab']"
     (line,) = lines
     assert "cannot be written" in line

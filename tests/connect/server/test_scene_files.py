@@ -26,6 +26,8 @@ def test_every_file_that_a_scene_names_is_there_once_and_is_an_asset() -> None:
     assert scene.map_scene is not None
     for module in scene.map_scene.modules.values():
         assert scenery.files.pop(module.image.removeprefix(f"{FOLDER}/")).startswith(b"<svg")
+    for face in scene.map_scene.faces.values():
+        assert scenery.files.pop(face.removeprefix(f"{FOLDER}/")).startswith(b"<svg")
     assert {url.removeprefix(f"{FOLDER}/") for url in urls} == set(scenery.files)
     assert all(content.startswith(b"glTF") for content in scenery.files.values())
     assert list(scene.objects) == list(world.frame.objects)

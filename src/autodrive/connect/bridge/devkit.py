@@ -199,7 +199,8 @@ class DevkitBridge:
                 await self._exchange(connection)
         except* (OSError, WebSocketException, ConnectionEnd, TimeoutError) as group:
             reason = group.exceptions[0]
-            if isinstance(reason, ConnectionClosed | ServerClosed):
+            is_closed = isinstance(reason, ServerClosed) or (isinstance(reason, ConnectionClosed) and not _said(reason))
+            if is_closed:
                 self._ended = address
             elif not isinstance(reason, ConnectionRefusedError):
                 self._ended = ""
@@ -273,6 +274,11 @@ class _BoundedConnection(ClientConnection):
     def _read_on(self) -> None:
         if not self.transport.is_closing() and not self.recv_messages.paused:
             self.transport.resume_reading()
+
+
+def _said(closed: ConnectionClosed) -> str:
+    """The reason that the script gave when it closed the connection; empty if it gave none."""
+    return closed.rcvd.reason if closed.rcvd else ""
 
 
 def _text_of(reason: Exception) -> str:
