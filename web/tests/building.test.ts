@@ -6,6 +6,7 @@ import { Builder } from '../src/building/builder'
 import {
   corners,
   fittingModules,
+  freePlace,
   inMap,
   inPose,
   meeting,
@@ -148,6 +149,24 @@ test('a piece snaps to the port at the pointer, and with one of its own ports ne
   expect(snapped(STRAIGHT, near, targets, [470, 290], above)).toMatchObject({ port: 'west', pose: { x: 0.6, y: 0 } })
   expect(snapped(STRAIGHT, hand, targets, [600, 300], above)).toBeNull()
   expect(snapped(NARROW, hand, targets, [430, 300], above)).toBeNull()
+})
+
+test('a new piece has its place inside a closed wall, beside what is there', () => {
+  const map = mapOf({ road: part('straight', 0, 0) })
+  const corners: [number, number][] = [
+    [-4, -4],
+    [4, -4],
+    [4, 4],
+    [-4, 4],
+  ]
+  const wall = { type: 'MapWall' as const, points: corners, height: 0.4, thickness: 0.1, is_closed: true }
+  const walled = { ...map, parts: { ...map.parts, wall } }
+  expect(freePlace(walled, [1, 1], [2, 2])).toEqual([2, 2])
+  const beside = freePlace(walled, [1, 1], [0, 0])
+  expect(Math.hypot(...beside)).toBeLessThan(1.3)
+  expect(Math.max(...beside.map(Math.abs))).toBeGreaterThan(0.8)
+  const atWall = freePlace(walled, [1, 1], [-3.7, 0])
+  expect(atWall[0] > -3.45 || atWall[0] < -4.55).toBe(true)
 })
 
 test('a click hits the smallest part', () => {

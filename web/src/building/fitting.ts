@@ -213,7 +213,7 @@ export function partAt(scene: MapScene, at: Point): string {
 export function freePlace(scene: MapScene, size: Point, [x, y]: Point): Point {
   const isLawn = (part: MapPart): boolean => part.type === 'MapModule' && scene.modules[part.module]?.type === 'terrain'
   const taken = Object.values(scene.parts).filter((part) => !isLawn(part))
-  const boxes = taken.map((part) => boundsOf(outlineOf(part, scene)))
+  const boxes = taken.flatMap((part) => spans(part, scene).map(boundsOf))
   const [dx, dy] = [0.5 * size[0], 0.5 * size[1]]
   for (let ring = 0; ring < RINGS; ring++)
     for (let i = 0; i < Math.max(1, 8 * ring); i++) {
@@ -225,6 +225,20 @@ export function freePlace(scene: MapScene, size: Point, [x, y]: Point): Point {
       if (isFree) return at
     }
   return [x, y]
+}
+
+/** The points around each piece of a part: a wall may enclose places that are free. */
+function spans(part: MapPart, scene: MapScene): readonly (readonly Point[])[] {
+  if (part.type !== 'MapWall') return [outlineOf(part, scene)]
+  const ends = part.is_closed ? [...part.points.slice(1), ...part.points.slice(0, 1)] : part.points.slice(1)
+  const half = 0.5 * part.thickness
+  return ends.map(([x, y], i) => {
+    const [fromX, fromY] = part.points[i] ?? [x, y]
+    return [
+      [Math.min(x, fromX) - half, Math.min(y, fromY) - half],
+      [Math.max(x, fromX) + half, Math.max(y, fromY) + half],
+    ]
+  })
 }
 
 /** The least and the largest coordinates of points: x0, y0, x1, y1. */
