@@ -1,5 +1,5 @@
 // Edit mode: what the pointer hits, keys, buttons and the requests that they send.
-import { beforeEach, expect, test, vi } from 'vitest'
+import { afterEach, beforeEach, expect, test, vi } from 'vitest'
 import { Actions, problems } from '../src/actions'
 import type { UserFiles } from '../src/building/user_files'
 import { listenToEditKeys } from '../src/editing/edit_keys'
@@ -17,8 +17,11 @@ const above: Projection = (x, y, z) => [400 + 100 * x * (1 + z), 300 - 100 * y *
 const save = (store: Store, editor: Editor): Promise<boolean> =>
   saveScenario(store, editor, { folder: '' } as UserFiles)
 
+const opened: Store[] = []
+
 function page() {
   const it = connectedPage(['V1'])
+  opened.push(it.store)
   const scene = { ...sceneOf(['V1']), object_sizes: { crate: [0.1, 0.2, 0.3] as [number, number, number] } }
   const pose = {
     position: new Float64Array([1, 2, 0.15]),
@@ -33,6 +36,9 @@ function page() {
 }
 
 beforeEach(() => document.body.replaceChildren())
+afterEach(() => {
+  for (const store of opened.splice(0)) store.isEditing.value = false // its keys are not those of other tests
+})
 
 test('the outline of a turned vehicle lies where its body is', () => {
   const placed = poseOf({ name: 'V1', x: 1, y: 2, yaw: Math.PI / 2 }, CAR)
