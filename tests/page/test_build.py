@@ -222,7 +222,12 @@ def test_a_road_is_inserted_into_a_closed_one_and_a_piece_is_replaced(plane: Pag
 def test_a_map_that_the_traffic_forbids_is_built_without_traffic(running: PageServer, new_tab: NewTab) -> None:
     running.restart("traffic")
     tab = new_tab(size=(1000, 640)).open(running.url + "?quality=low#build=1")
-    tab.wait_until(lambda: not tab.value("store.status.value?.undo || store.hasUnsavedEdits.value"))
+    tab.wait_until(
+        lambda: tab.value(
+            "!!store.scene.value && store.status.value?.undo === '' && !store.hasUnsavedEdits.value"
+            " && Object.keys(store.frame.value?.vehicles ?? {}).length > 1"
+        )
+    )
     running.request(Pause())
     before = set(running.frame.vehicles)
     start_from(tab, "empty")
