@@ -171,7 +171,7 @@ def test_an_encoder_without_a_sign_gets_it_from_the_poses(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ("tiem=t", r"--columns: 'tiem' is not known\. Known: .*Did you mean 'time'"),
+        ("tme=t", r"--columns: 'tme' is not known\. Known: .*Did you mean 'time'"),
         ("time", "'time' must be such as time=t or yaw=psi"),
         ("x=a,x=b", "'x' is named twice"),
         ("x=vicon", r"the table has no column 'vicon'\. Known: time, x, y, yaw, throttle, steering"),
