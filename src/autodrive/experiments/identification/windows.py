@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.experiments.identification.drive import Drive, IdentificationError
 from autodrive.experiments.identification.parameters import VehicleFile
-from autodrive.physics.actuators.steering import SteeringSpec
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch import BatchWorld
@@ -231,7 +230,7 @@ class Simulator:
         """The vehicle as it obeys the recorded commands: a recorded angle of the steering is obeyed at once."""
         if not self._drive.is_angle:
             return spec
-        steering = SteeringSpec(limit_deg=self._limit_deg, dead_time=0.0, time_constant=0.0)
+        steering = spec.steering.at_once(self._limit_deg)
         drivetrain = spec.drivetrain.model_copy(update={"dead_time": 0.0})
         return spec.model_copy(update={"steering": steering, "drivetrain": drivetrain})
 

@@ -74,6 +74,10 @@ class SteeringSpec(Spec):
         """Largest angle of the wheels to any side [rad]."""
         return float(np.abs(self.angles(self.command_limits)).max())
 
+    def at_once(self, limit_deg: float) -> SteeringSpec:
+        """Steering whose wheels have the angle of the command at once: `limit_deg` [degree] for the command 1."""
+        return SteeringSpec(limit_deg=limit_deg, dead_time=0.0, time_constant=0.0)
+
     def angles(self, commands: ArrayLike) -> Floats:
         """Angles of the wheels at which commands in [-1, 1] end [rad], in the shape of the commands."""
         servo = np.clip(np.asarray(commands, np.float64), *self.command_limits) * self.limit

@@ -178,7 +178,7 @@ class BatchWorld(OneThread):
         until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
         or (3,); the others are where the scenario places them, the traffic is where the seed does. `mass`, `grip`,
         `noise`, `drive`: the factors of `VehiclePlacement` in addition to those of the scenario, one number or shape
-        (m,) or (m, v); `trim`: its `steering_trim` [rad], likewise.
+        (m,) or (m, v); `trim`: as its `steering_trim` [rad], which it adds to.
 
         `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
         the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
