@@ -321,8 +321,8 @@ def test_a_start_obeys_past_commands_as_a_car_that_drove_on(tmp_path: Path) -> N
         frame = other.step({"V1": Command(throttle, steering)})
         readings = batch.step(np.tile([throttle, steering], (2, 1, 1)))
         np.testing.assert_array_equal(readings.position[1, 0], frame.vehicles["V1"].pose.position)
-    assert frame.vehicles["V1"].velocity[0] != 0.0
     before = other.frame
+    assert before.vehicles["V1"].velocity[0] != 0.0
     for wrong in ({"motions": {"V1": [0.0] * 2}}, {"motions": {"V2": motion}}, {"past_commands": {"V1": [[2.0, 0.0]]}}):
         with pytest.raises(CommandError, match=r"V[12]"):
             other.reset(**wrong)  # pyright: ignore[reportArgumentType]

@@ -60,7 +60,7 @@ def test_a_world_with_factors_has_the_bits_of_a_new_world() -> None:
     world = make(spec)
     saved = world.save()
     for values in ((2.0, 0.4, 3.0, 0.7, 0.05), (1.0, 1.0, 1.0, 1.0, 0.0), (0.5, 1.3, 0.0, 1.2, -0.02)):
-        factors = dict(zip(("mass", "grip", "noise", "drive", "trim"), values, strict=True))
+        factors: dict[str, float] = dict(zip(("mass", "grip", "noise", "drive", "trim"), values, strict=True))
         fields = "mass_factor", "grip_factor", "noise_factor", "drive_factor", "steering_trim"
         placed = place.model_copy(update=dict(zip(fields, values, strict=True)))
         new = make(spec.model_copy(update={"vehicles": {"V1": placed}}))
