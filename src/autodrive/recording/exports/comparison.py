@@ -215,7 +215,7 @@ def _compare(
     vehicle = batch.compiled.vehicles[name]
     drive = drive.in_shares(vehicle.full_throttle_speed, vehicle.steering.limit)
     if drive.is_angle:
-        drive = replace(drive, steering=drive.steering / vehicle.steering.limit)
+        drive = replace(drive, steering=vehicle.steering.commands(drive.steering))
     lever = vehicle.sensors.ips.mount.position if is_positioning else (0.0, 0.0, 0.0)
     rows: list[list[float]] = []
     with closing(batch):
