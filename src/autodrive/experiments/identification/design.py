@@ -59,11 +59,20 @@ def manoeuvres(slow: float, fast: float) -> list[Manoeuvre]:
                 ((0.0, slow, angle), (1.0, slow, angle), (5.0, fast, angle), (6.0, fast, angle)),
             )
         )
-    made.append(Manoeuvre("coasting from speed", ((0.0, fast, 0.0), (2.5, fast, 0.0), (2.501, 0.0, 0.0), (6.0, 0.0, 0.0))))
+    made.append(
+        Manoeuvre("coasting from speed", ((0.0, fast, 0.0), (2.5, fast, 0.0), (2.501, 0.0, 0.0), (6.0, 0.0, 0.0)))
+    )
     made.append(
         Manoeuvre(
             "steps of the throttle",
-            ((0.0, slow, 0.0), (1.5, slow, 0.0), (1.501, fast, 0.0), (3.0, fast, 0.0), (3.001, middle, 0.0), (6.0, middle, 0.0)),
+            (
+                (0.0, slow, 0.0),
+                (1.5, slow, 0.0),
+                (1.501, fast, 0.0),
+                (3.0, fast, 0.0),
+                (3.001, middle, 0.0),
+                (6.0, middle, 0.0),
+            ),
         )
     )
     made.append(Manoeuvre("straight ahead", ((0.0, slow, 0.0), (6.0, slow, 0.0))))
@@ -122,7 +131,7 @@ def write_script(chosen: Sequence[Manoeuvre], vehicle: str, path: str | Path) ->
     write_file(Path(path), script(chosen, vehicle))
 
 
-SCRIPT = '''"""{seconds} s of driving that would improve the fit of {vehicle} most, found by autodrive identify --design.
+SCRIPT = '''"""{seconds} s of driving that would improve the fit of {vehicle} most, from autodrive identify --design.
 
 On a car: call `command(time)` at 50 Hz or more, in an open place, with a hand on the switch; it returns throttle and
 steering as shares of the full scale. Without a car: python THIS_FILE drives a running simulator (autodrive run

@@ -95,14 +95,20 @@ def _errors(accuracy: Accuracy) -> str:
 
 def growth(accuracy: Accuracy) -> str:
     """The plot of the median error of the position over time."""
-    curves = [(errors.title, errors.instants, 100 * np.median(errors.position, axis=0)) for errors in (accuracy.vehicle, *accuracy.others)]
+    curves = [
+        (errors.title, errors.instants, 100 * np.median(errors.position, axis=0))
+        for errors in (accuracy.vehicle, *accuracy.others)
+    ]
     return _plot("time [s]", "position error, median [cm]", curves, is_logarithmic=True)
 
 
 def _circles(circles: SteadyCircles) -> str:
     if not len(circles.radius):
         return "<p>The driving has no steady circles.</p>"
-    rows = [("measured", circles.speed, np.abs(circles.radius)), ("this vehicle", circles.speed, np.abs(circles.predicted))]
+    rows = [
+        ("measured", circles.speed, np.abs(circles.radius)),
+        ("this vehicle", circles.speed, np.abs(circles.predicted)),
+    ]
     errors = circles.errors
     sentence = (
         f"{len(errors)} circles: error of the radius {100 * float(np.median(errors)):.1f} % (median), "
@@ -154,14 +160,13 @@ def _worst(accuracy: Accuracy) -> str:
         size = max(float(np.ptp(both, axis=0).max()), 0.2)
         x = Scale(float(both[:, 0].min()), float(both[:, 0].min()) + size, 20, 260)
         y = Scale(float(both[:, 1].min()), float(both[:, 1].min()) + size, 260, 20)
-        drawn = [
-            f'<path d="{line([(x(a), y(b)) for a, b in path.tolist()])}" fill="none" stroke="{COLOURS[k]}" stroke-width="2"/>'
-            for k, path in enumerate(paths)
-        ]
+        drawn = [_line([(x(a), y(b)) for a, b in path.tolist()], COLOURS[k]) for k, path in enumerate(paths)]
         error = 100 * float(accuracy.vehicle.position[i, -1])
         name = starts.drives[int(starts.drive[i])].source.rpartition("/")[2][-30:]
         caption = f"{name}, from {starts.time[i]:.1f} s: {error:.0f} cm after {starts.instants[-1]:g} s"
-        names = text(20, 280, "measured", more=f'fill="{COLOURS[0]}"') + text(110, 280, "predicted", more=f'fill="{COLOURS[1]}"')
+        names = text(20, 280, "measured", more=f'fill="{COLOURS[0]}"') + text(
+            110, 280, "predicted", more=f'fill="{COLOURS[1]}"'
+        )
         parts.append(f"<figure>{svg(290, 290, *drawn, names)}<figcaption>{escape(caption)}</figcaption></figure>")
     return "".join(parts)
 
@@ -181,10 +186,11 @@ def _parameters(fit: StagedFit) -> str:
 
 def _pairs(fit: StagedFit) -> str:
     rows = [
-        f"<li>{escape(first)} and {escape(second)} (correlation {correlation:.2f}): {escape(advice(first, second))}</li>"
+        f"<li>{escape(first)} and {escape(second)} ({correlation:.2f}): {escape(advice(first, second))}</li>"
         for first, second, correlation in fit.pairs
     ]
-    return f"<p>Pairs that these drives cannot tell apart, and what would:</p><ul>{''.join(rows)}</ul>" if rows else ""
+    title = "Pairs that these drives cannot tell apart (correlation of their errors), and what would:"
+    return f"<p>{title}</p><ul>{''.join(rows)}</ul>" if rows else ""
 
 
 def _session(fit: StagedFit) -> str:
@@ -195,7 +201,12 @@ def _session(fit: StagedFit) -> str:
     for i, drive in enumerate(fit.drives):
         cells = "".join(f"<td>{float(getattr(fit.session, name)[i]):.4f}</td>" for name in fit.session_names)
         rows.append(f'<tr><td class="text">{escape(drive.source.rpartition("/")[2])}</td>{cells}</tr>')
-    return f'<h2>Values of the drives</h2><div class="wide"><table><tr><th class="text">drive</th>{head}</tr>{"".join(rows)}</table></div>'
+    table = f'<table><tr><th class="text">drive</th>{head}</tr>{"".join(rows)}</table>'
+    return f'<h2>Values of the drives</h2><div class="wide">{table}</div>'
+
+
+def _line(points: Sequence[tuple[float, float]], colour: str) -> str:
+    return f'<path d="{line(points)}" fill="none" stroke="{colour}" stroke-width="2"/>'
 
 
 def _plot(
@@ -224,7 +235,9 @@ def _plot(
         parts.append(text(LEFT - 5, y_scale(tick) + 4, f"{10**tick if is_logarithmic else tick:.3g}", "end"))
     for i, (name, x, y) in enumerate(curves):
         colour, values = COLOURS[i % len(COLOURS)], shown(y)
-        points = [(x_scale(a), y_scale(b)) for a, b in zip(x.tolist(), values.tolist(), strict=True) if math.isfinite(b)]
+        points = [
+            (x_scale(a), y_scale(b)) for a, b in zip(x.tolist(), values.tolist(), strict=True) if math.isfinite(b)
+        ]
         if has_lines and points:
             parts.append(f'<path d="{line(points)}" fill="none" stroke="{colour}" stroke-width="2"/>')
         else:

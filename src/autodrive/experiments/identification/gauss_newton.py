@@ -121,7 +121,8 @@ class Solver:
         self.session = [*session]
         self._priors = priors
         self._progress = progress
-        self._predictor = Predictor(starts, file, threads=threads)
+        candidates = max(len(DAMPING), len(free) + len(session))
+        self._predictor = Predictor(starts, file, candidates=candidates, threads=threads)
         self._kinds = len(starts.drives)
         self.groups = groups_of(starts)
 

@@ -78,7 +78,7 @@ class VehicleFile:
         return {path: value for path, value in leaves.items() if value is None or isinstance(value, float)}
 
     def prepared(self, values: Mapping[str, Any]) -> VehicleFile:
-        """This file with other values, which a fit then changes. Raises `SpecError`."""
+        """A copy of the file with other values, which a fit then changes. Raises `SpecError`."""
         other = copy.copy(self)
         other.spec = self.with_values(values)
         other._text = self.text(values)

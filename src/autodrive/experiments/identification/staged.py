@@ -84,7 +84,7 @@ class StagedFit:
     priors: dict[str, float]
     """Deviations of the priors of the parameters, as shares of their ranges."""
     information: Floats
-    """Curvature of the error over the shares of the parameters, with the values of the drives taken out, shape (p, p)."""
+    """Curvature of the error over the shares of the parameters, without the values of the drives, shape (p, p)."""
     seconds: float
 
     @property
@@ -176,7 +176,9 @@ def fit_in_stages(
     for stage in plan.stages:
         moving = [*stage.paths] if stage.is_alone else [*plan.bounds]
         chosen = thinned(short.chosen(used_by(stage, short)))
-        solver = Solver(prepared, chosen, plan.free(prepared, moving), names, plan.priors, threads=threads, progress=progress)
+        solver = Solver(
+            prepared, chosen, plan.free(prepared, moving), names, plan.priors, threads=threads, progress=progress
+        )
         try:
             point, _ = solver.solve(point, STEPS, stage.title)
         finally:

@@ -72,8 +72,10 @@ def plan_for(spec: VehicleSpec) -> Plan:
     for i, (command, angle) in enumerate(curve):
         if command != 0.0:  # the angle at 0 is the offset
             room = 0.35 * abs(angle) + 0.1 * largest
-            low, high = max(-59.0, angle - room), min(59.0, angle + room)
-            bounds[f"steering.curve.{i}.1"] = (low, min(high, -0.01)) if command < 0.0 else (max(low, 0.01), high)
+            # between the neighbours as they are, because the angles must not fall
+            below = curve[i - 1][1] if i > 0 else -59.0
+            above = curve[i + 1][1] if i + 1 < len(curve) else 59.0
+            bounds[f"steering.curve.{i}.1"] = (max(below, angle - room), min(above, angle + room))
             priors[f"steering.curve.{i}.1"] = 0.5
     steering = [*bounds, "steering.offset_deg", "steering.dead_time"]
     bounds["steering.offset_deg"] = (-4.0, 4.0)
@@ -132,7 +134,7 @@ def _drive(spec: VehicleSpec, bounds: dict[str, tuple[float, float]], priors: di
             following = curve[i + 1][0] if i + 1 < len(curve) else 1.0
             add(f"drivetrain.throttle_curve.{i}.0", 0.3 * throttle, min(0.95 * following, 2.0 * throttle), 0.2)
         elif 0.0 < share < 1.0:
-            add(f"drivetrain.throttle_curve.{i}.1", 0.3 * share, min(1.2, 2.5 * share), 0.3)
+            add(f"drivetrain.throttle_curve.{i}.1", 0.3 * share, min(1.0, 2.5 * share), 0.3)
     add("wheels.rolling_resistance", 0.0, 0.4, 0.3)
     add("wheels.steering_resistance", 0.0, 1.0, 0.3)
     add("body.drag", 0.0, 1.5, 0.3)

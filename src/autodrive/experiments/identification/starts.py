@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -202,27 +202,25 @@ class Predictor:
         starts: Starts,
         vehicle: VehicleFile | VehicleSpec,
         *,
+        candidates: int = 1,
         threads: int | None = None,
-        progress: Callable[[], None] = lambda: None,
     ) -> None:
-        """`progress` is called after each batch. The longest dead times are 0.3 s, or those of the vehicle."""
+        """`candidates`: so many are simulated at once. The longest dead times are 0.3 s, or those of the vehicle."""
         self.starts = starts
-        self._progress = progress
         spec = vehicle if isinstance(vehicle, VehicleSpec) else vehicle.spec
         dead = {part: max(0.3, getattr(spec, part).dead_time) for part in ("steering", "drivetrain")}
         slowest = spec.model_copy(
             update={part: getattr(spec, part).model_copy(update={"dead_time": dead[part]}) for part in dead}
         )
         off = {name: SensorSettings(is_on=False) for name in ("lidar", "range") if getattr(spec.sensors, name)}
-        self._candidates = max(1, ROWS // len(starts.time))
+        batches = math.ceil(candidates * len(starts.time) / ROWS)
+        self._candidates = math.ceil(candidates / batches)
         with tempfile.TemporaryDirectory(prefix="autodrive-") as folder:
             path = Path(folder) / "vehicle.yaml"
             path.write_text(_yaml(slowest), encoding="utf-8")
             first = starts.drives[0]
             placement = VehiclePlacement(type=str(path), grip_factor=first.grip, sensors=off)
-            scenario = ScenarioSpec(
-                map="plane", vehicles={NAME: placement}, tick=first.tick, substep=first.substep
-            )
+            scenario = ScenarioSpec(map="plane", vehicles={NAME: placement}, tick=first.tick, substep=first.substep)
             self._batch = BatchWorld(scenario, self._candidates * len(starts.time), threads=threads)
 
     def close(self) -> None:
@@ -272,7 +270,6 @@ class Predictor:
             predicted[:, i, 2] = heading
             predicted[:, i, 3] = np.hypot(velocity[:, 0], velocity[:, 1])
         predicted[readings.is_unstable] = np.nan
-        self._progress()
         return predicted.reshape(self._candidates, w, len(at), 4)[: len(candidates)]
 
 
