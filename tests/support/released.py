@@ -54,7 +54,7 @@ def _belongs_in_wheel(name: str) -> bool:
 
 
 def _belongs_in_source(name: str, tracked: set[str]) -> bool:
-    """A hidden file is a setting of tools, but hatchling needs `.gitignore`. git tracks a link to a folder as a file."""
+    """A hidden file is a setting of tools, but `.gitignore` is of hatchling. A link to a folder is a file for git."""
     path = Path(name)
     if any(part.startswith(".") for part in path.parts):
         return name == ".gitignore"
