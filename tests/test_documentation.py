@@ -102,7 +102,7 @@ def test_the_programs_pass_a_strict_type_checker(tmp_path: Path) -> None:
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
         programs = re.findall(r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
         if programs and path.stem not in NOT_ANNOTATED:
-            # some imports are for the text that follows, or stand in two programs; the overloads of numpy are not complete
+            # some imports are for the text that follows, or are in two programs; overloads of numpy are not complete
             lenient = ["reportUnusedImport", "reportDuplicateImport", "reportUnknownArgumentType"]
             rules = ", ".join(["strict", *(f"{rule}=false" for rule in lenient if path.stem != "README")])
             (tmp_path / f"{path.stem}.py").write_text(f"# pyright: {rules}\n" + "\n".join(programs))
