@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import itertools
 import json
 import math
@@ -142,7 +143,7 @@ def test_the_defaults_are_those_of_the_training_with_the_included_policy() -> No
     assert settings.full_angle == pytest.approx(car.steering.limit, abs=1e-4)
     assert settings.wheel_radius == WHEEL_RADIUS == car.wheels.radius
     assert (settings.first_degree, settings.sector_degrees, settings.sectors, settings.sector_range) == scan
-    assert RoboRacerVectorEnv.__init__.__kwdefaults__["frame_skip"] == STEP
+    assert inspect.signature(RoboRacerVectorEnv).parameters["frame_skip"].default == STEP
 
 
 def test_the_folder_drives_without_the_simulator(tmp_path: Path) -> None:
@@ -150,10 +151,10 @@ def test_the_folder_drives_without_the_simulator(tmp_path: Path) -> None:
     program = """
 import sys
 sys.modules["autodrive"] = None
-from driver import CarSettings, Driver, ScanLayout
+from driver import CarSettings, CarDriver, ScanLayout
 from pathlib import Path
 settings = CarSettings.read(Path("settings.json"), ["dead_man_topic="])
-driver = Driver(settings, Path("."))
+driver = CarDriver(settings, Path("."))
 driver.on_speed(0.0, 1.0), driver.on_yaw_rate(0.0, 0.0)
 layout, ranges = ScanLayout(-2.356, 0.00436, 1081, 0.06, 10.0), [2.0 + 0.001 * k for k in range(1081)]
 command = driver.on_scan(0.0, 0.0, layout, ranges)

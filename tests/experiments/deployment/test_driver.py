@@ -24,11 +24,11 @@ from autodrive.experiments.deployment.driver import (
     LOG_COLUMNS,
     READINGS,
     CarCommand,
+    CarDriver,
+    CarError,
+    CarLog,
     CarPolicy,
     CarSettings,
-    DriveLog,
-    Driver,
-    DriverError,
     ScanLayout,
     Sectors,
     free_distances,
@@ -76,7 +76,7 @@ def test_the_sectors_have_the_bits_of_the_observation_of_the_environment() -> No
         observed = env.reset(seed=3)[0]
         for _ in range(4):
             ranges = np.array(env.batch.readings.lidar_ranges).reshape(2, -1)
-            layout = ScanLayout(np.float32(LAYOUT.angle_min), np.float32(LAYOUT.angle_increment), ranges.shape[1])
+            layout = ScanLayout(*(float(np.float32(value)) for value in LAYOUT[:2]), ranges.shape[1])
             for seen, scan in zip(observed, ranges, strict=True):
                 sectors, _ = Sectors(layout, SETTINGS)(scan.astype(np.float32).astype(np.float64))
                 assert np.array_equal(sectors.astype(np.float32), seen[-SETTINGS.sectors :])
@@ -150,9 +150,9 @@ def test_rays_without_a_return_or_a_measurement_are_what_ros_says() -> None:
 
 
 def test_a_scanner_that_sees_too_little_is_refused_and_one_that_sees_less_is_noted(folder: Path) -> None:
-    with pytest.raises(DriverError, match=r"covers -90 to 90 degrees, so 18 of the 54 sectors .* needs -135 to 135"):
+    with pytest.raises(CarError, match=r"covers -90 to 90 degrees, so 18 of the 54 sectors .* needs -135 to 135"):
         Sectors(ScanLayout(-0.5 * math.pi, math.radians(0.5), 361), SETTINGS)
-    car = Driver(SETTINGS, folder)
+    car = CarDriver(SETTINGS, folder)
     car.on_scan(0.0, 0.0, ScanLayout(math.radians(-120.0), math.radians(0.5), 481, 0.05, 12.0), np.full(481, 2.0))
     assert "does not see 6 of the 54 sectors" in car.notes[0]
 
@@ -222,7 +222,7 @@ class Bench:
     """A driver on a bench: time passes in steps of 5 ms, and messages come at their rates."""
 
     def __init__(self, folder: Path, **changes: Any) -> None:
-        self.driver = Driver(replace(SETTINGS, **changes), folder)
+        self.driver = CarDriver(replace(SETTINGS, **changes), folder)
         self.time, self.rng = 0.0, np.random.default_rng(1)
         self.commands: list[tuple[float, CarCommand]] = []
 
@@ -293,7 +293,7 @@ def test_a_scan_that_is_late_old_or_frozen_is_no_new_scan(folder: Path) -> None:
     bench.run(0.5)
     assert bench.run(0.4, delay=0.2)[-1].stop == "no scan"
     assert "later than others" in bench.driver.problem
-    frozen = Driver(SETTINGS, folder)
+    frozen = CarDriver(SETTINGS, folder)
     ranges, stops = np.full(1081, 3.0), []
     for step in range(20):
         now = 0.025 * step
@@ -341,7 +341,7 @@ def test_a_slow_scanner_drives_with_the_steps_of_the_policy_and_a_slower_one_is_
         times += [now] if command is not None and not command.stop else []
     assert len(times) >= 24
     assert np.diff(times).max() <= 0.05
-    slow = Driver(SETTINGS, folder)
+    slow = CarDriver(SETTINGS, folder)
     for step in range(8):
         slow.on_scan(0.1 * step, 0.1 * step, LAYOUT, 3.0 + 0.01 * bench.rng.normal(size=1081))
     assert "0.100 s apart" in slow.notes[0]
@@ -367,7 +367,7 @@ def test_wrong_settings_are_named(tmp_path: Path) -> None:
         ({"sectors": 100}, r"at most 360 degrees"),
     ]:
         (tmp_path / "settings.json").write_text(json.dumps(values))
-        with pytest.raises(DriverError, match=text):
+        with pytest.raises(CarError, match=text):
             CarSettings.read(tmp_path / "settings.json")
     (tmp_path / "settings.json").write_text(SETTINGS.json())
     read = CarSettings.read(tmp_path / "settings.json", ["drive_topic=/my", "speed_cap=2", "encoder_topics=/a,/b"])
@@ -386,15 +386,15 @@ def drive_on(
     latency: float = 0.0,
     steering_offset: float = 0.0,
     grip: float = 1.0,
-    log: DriveLog | None = None,
-) -> tuple[Driver, int, float]:
+    log: CarLog | None = None,
+) -> tuple[CarDriver, int, float]:
     """Drive a car in a world; its driver, the collisions, and the speed at the end [m/s].
 
     `latency` of the commands [s]; `steering_offset` as a share of the greatest angle; `grip`: factor.
     """
     car = VehiclePlacement(type="roboracer", grip_factor=grip, sensors={"lidar": SensorSettings(noise="realistic")})
     scenario = ScenarioSpec(map=track, vehicles={"V1": car}, tick=0.005)
-    driver, queue, told = Driver(replace(settings, dead_man_topic=""), folder, log), [], (0.0, 0.0)
+    driver, queue, told = CarDriver(replace(settings, dead_man_topic=""), folder, log), [], Command()
     with closing(make(on_grid(scenario, load_map(track)))) as world:
         scanned = -1.0
         while world.time < duration and not world.frame.vehicles["V1"].collision_count:
@@ -409,10 +409,10 @@ def drive_on(
                     scan.angle_min, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max
                 )
                 if command := driver.on_scan(now, scanned, layout, scan.ranges):
-                    queue.append((now + latency, command.throttle, command.steering + steering_offset))
+                    queue.append((now + latency, Command(command.throttle, command.steering + steering_offset)))
             while queue and queue[0][0] <= now + 1e-9:
-                _, *told = queue.pop(0)
-            world.step({"V1": Command(*told)})
+                _, told = queue.pop(0)
+            world.step({"V1": told})
         car_frame = world.frame.vehicles["V1"]
         return driver, car_frame.collision_count, float(np.hypot(*car_frame.velocity[:2]))
 
@@ -432,7 +432,7 @@ def test_a_car_with_less_grip_latency_and_a_steering_offset_drives_clean_with_th
     folder: Path, tmp_path: Path
 ) -> None:
     settings = replace(SETTINGS, speed_cap=3.0, cap_step=1.0, cap_interval=5.0)
-    log = DriveLog(tmp_path / "drive.csv", settings)
+    log = CarLog(tmp_path / "drive.csv", settings)
     driver, collisions, _ = drive_on(
         "practice", folder, 22.0, settings=settings, latency=0.04, steering_offset=0.05, grip=0.75, log=log
     )
@@ -466,7 +466,7 @@ def test_the_driver_is_of_python_3_8_and_imports_numpy_only() -> None:
 
 def test_a_node_subscribes_what_the_settings_name(folder: Path) -> None:
     def names(**changes: Any) -> dict[str, str]:
-        return {topic.name: topic.type for topic in topics(Driver(replace(SETTINGS, **changes), folder))}
+        return {topic.name: topic.type for topic in topics(CarDriver(replace(SETTINGS, **changes), folder))}
 
     assert names() == {"/scan": "LaserScan", "/odom": "Odometry", "/dead_man": "Bool"}
     changes = {"odometry_topic": "", "imu_topic": "/imu", "encoder_topics": ("/l", "/r"), "dead_man_topic": "/joy"}

@@ -13,7 +13,7 @@ import numpy as np
 
 from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
-from autodrive.experiments.deployment.driver import READINGS, CarSettings, Driver, DriverError, changed
+from autodrive.experiments.deployment.driver import READINGS, CarDriver, CarError, CarSettings, changed
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.time_trial import TICK, TimeTrial
 from autodrive.experiments.policies.policy import Policy
@@ -64,7 +64,7 @@ def settings_for(vehicle: VehicleSpec, car: VehicleSpec, changes: Sequence[str] 
         values["steering_rate"] = car.steering.rate_limit
     try:
         return CarSettings.checked({**values, **changed(changes)})
-    except DriverError as error:
+    except CarError as error:
         raise SpecError([str(error)]) from None
 
 
@@ -77,8 +77,7 @@ def deploy(
     trained. `car`: vehicle that describes the car; None: the same. `changes`: texts NAME=VALUE for `CarSettings`.
     Raises `SpecError`.
     """
-    specs = [load_vehicle(name) for name in (vehicle, car or vehicle)]
-    settings = settings_for(*specs, changes)
+    settings = settings_for(load_vehicle(vehicle), load_vehicle(car or vehicle), changes)
     folder.mkdir(parents=True, exist_ok=True)
     files = {name: (CAR / name).read_bytes() for name in NODES}
     files |= {"driver.py": DRIVER.read_bytes(), "settings.json": settings.json().encode()}
@@ -89,8 +88,8 @@ def deploy(
     for name, content in files.items():
         write_file(folder / name, content)
     try:
-        Driver(settings, folder)  # what is wrong is said here, not on the car
-    except DriverError as error:
+        CarDriver(settings, folder)  # what is wrong is said here, not on the car
+    except CarError as error:
         raise SpecError([str(error)]) from None
     return [folder / name for name in sorted([*files, settings.policy])]
 

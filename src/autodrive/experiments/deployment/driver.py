@@ -42,10 +42,10 @@ OWN = "drive", "steer", "throttle"
 SPEEDS = "speed", "side_speed", "wheel_speed", "yaw_rate"
 """Inputs of a policy that are speeds."""
 READINGS = "speed", "side_speed", "yaw_rate", "steering", "wheel_speed", "scan_age"
-"""Inputs of a policy that are not ranges, in the order in which `Driver` has them."""
+"""Inputs of a policy that are not ranges, in the order in which `CarDriver` has them."""
 
 
-class DriverError(Exception):
+class CarError(Exception):
     """The settings, the policy or the scanner cannot be used; the text says why, and what would be right."""
 
 
@@ -117,7 +117,7 @@ class CarSettings:
     speed_cap: float = 1.0
     """Greatest speed at the start [m/s]: the policy drives slower as a whole, with the same path."""
     cap_step: float = 0.5
-    """By this the greatest speed rises after each `cap_interval` of driving, and falls after a stop at a wall [m/s]."""
+    """Step by which the greatest speed rises after each `cap_interval` of driving, and falls at a wall [m/s]."""
     cap_interval: float = 10.0
     """Driving without a stop after which the greatest speed rises [s]."""
     cap_most: float = 8.0
@@ -183,23 +183,23 @@ class CarSettings:
         if self.dead_man_type not in ("Bool", "Joy"):
             errors.append(f"dead_man_type '{self.dead_man_type}' is not known. Known: Bool, Joy")
         if errors:
-            raise DriverError("; ".join(errors))
+            raise CarError("; ".join(errors))
 
     @classmethod
     def read(cls, file: Path, changes: Sequence[str] = ()) -> CarSettings:
-        """The settings of a JSON file; `changes` are texts NAME=VALUE. Raises `DriverError`."""
+        """The settings of a JSON file; `changes` are texts NAME=VALUE. Raises `CarError`."""
         try:
             values = json.loads(Path(file).read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise DriverError(f"{file} cannot be read as JSON: {error}") from None
+            raise CarError(f"{file} cannot be read as JSON: {error}") from None
         if not isinstance(values, dict):
-            raise DriverError(f"{file} must be an object with names and values")
+            raise CarError(f"{file} must be an object with names and values")
         values.update(changed(changes))
         return cls.checked(values)
 
     @classmethod
     def checked(cls, values: dict[str, Any]) -> CarSettings:
-        """The settings with these values; those that are missing have their defaults. Raises `DriverError`."""
+        """The settings with these values; those that are missing have their defaults. Raises `CarError`."""
         known = {setting.name: setting.default for setting in fields(cls)}
         errors: list[str] = []
         used: dict[str, Any] = {}
@@ -212,7 +212,7 @@ class CarSettings:
             except (TypeError, ValueError):
                 errors.append(f"{name} must be like {json.dumps(known[name])}, not {json.dumps(value)}")
         if errors:
-            raise DriverError("; ".join(errors))
+            raise CarError("; ".join(errors))
         return cls(**used)
 
     def json(self) -> str:
@@ -221,12 +221,12 @@ class CarSettings:
 
 
 def changed(changes: Sequence[str]) -> dict[str, Any]:
-    """The values in texts NAME=VALUE. Raises `DriverError`."""
+    """The values in texts NAME=VALUE. Raises `CarError`."""
     values: dict[str, Any] = {}
     for text in changes:
         name, sign, value = text.partition("=")
         if not sign:
-            raise DriverError(f"--set {text}: write NAME=VALUE")
+            raise CarError(f"--set {text}: write NAME=VALUE")
         try:
             values[name.strip()] = json.loads(value)
         except ValueError:  # a text without quotes
@@ -291,7 +291,7 @@ class Network:
     def __init__(
         self, inputs: Sequence[str], scale: Any, layers: Sequence[tuple[Any, Any]], activations: Sequence[str]
     ) -> None:
-        """`layers`: weight, shape (n_out, n_in), and bias; `activations`: one for each layer. Raises `DriverError`."""
+        """`layers`: weight, shape (n_out, n_in), and bias; `activations`: one for each layer. Raises `CarError`."""
         self.inputs = tuple(inputs)
         self._scale = np.asarray(scale, np.float64)
         self._layers = [(np.asarray(weight, np.float64), np.asarray(bias, np.float64)) for weight, bias in layers]
@@ -299,15 +299,15 @@ class Network:
         for text in activations:
             name, *numbers = text.split(":")
             if name not in ACTIVATIONS:
-                raise DriverError(f"the activation '{text}' is not known. Known: {', '.join(ACTIVATIONS)}")
+                raise CarError(f"the activation '{text}' is not known. Known: {', '.join(ACTIVATIONS)}")
             self._functions.append((ACTIVATIONS[name], [float(number) for number in numbers]))
         width = len(self.inputs)
         for weight, bias in self._layers:
             if weight.ndim != 2 or weight.shape != (len(bias), width):
-                raise DriverError(f"a layer of the policy has the shape {weight.shape} for {width} inputs")
+                raise CarError(f"a layer of the policy has the shape {weight.shape} for {width} inputs")
             width = len(bias)
         if width != 2 or len(self._functions) != len(self._layers) or self._scale.shape != (len(self.inputs),):
-            raise DriverError("the policy must have one scale for each input, and two outputs")
+            raise CarError("the policy must have one scale for each input, and two outputs")
 
     def __call__(self, values: Any) -> Any:
         """The two outputs for the values of the inputs, shape (n_input,)."""
@@ -317,14 +317,14 @@ class Network:
         return values
 
 
-class Memory:
+class NetworkMemory:
     """What a network reads: readings and own outputs, now or some steps ago."""
 
     def __init__(self, inputs: Sequence[str], readings: Sequence[str]) -> None:
         columns = {name: number for number, name in enumerate([*readings, *OWN])}
         parts = [name.partition("@") for name in inputs]
         if unknown := [name for name, _, _ in parts if name not in columns]:
-            raise DriverError(
+            raise CarError(
                 f"the policy reads '{unknown[0]}', which a car does not measure. "
                 f"Known: {', '.join(READINGS)}, range_BEARING of its sectors, and {', '.join(OWN)} of earlier steps"
             )
@@ -357,7 +357,7 @@ class CarPolicy:
     """The policy of a file, with what it remembers; the numbers are those of the simulator but for rounding."""
 
     def __init__(self, file: Path, readings: Sequence[str]) -> None:
-        """`readings`: names of the numbers that `act` gets. Raises `DriverError` if the policy needs others."""
+        """`readings`: names of the numbers that `act` gets. Raises `CarError` if the policy needs others."""
         try:
             with np.load(str(file), allow_pickle=False) as archive:
                 arrays = dict(archive)
@@ -369,12 +369,12 @@ class CarPolicy:
             self._slowness = (1.0, 1.0) if pace is None else tuple(map(float, pace["slowness"]))
             self._keep = 0.0 if pace is None else float(pace["keep"])
             self._top = 1.0 if pace is None else float(pace.get("top_throttle", 1.0))
-        except DriverError as error:
-            raise DriverError(f"{file}: {error}") from None
+        except CarError as error:
+            raise CarError(f"{file}: {error}") from None
         except Exception as error:  # numpy and json raise what they like for damaged files
-            raise DriverError(f"{file} is not a policy: {error}") from None
-        self._memory = Memory(self._network.inputs, readings)
-        self._motion = None if self._pace is None else Memory(self._pace.inputs, readings)
+            raise CarError(f"{file} is not a policy: {error}") from None
+        self._memory = NetworkMemory(self._network.inputs, readings)
+        self._motion = None if self._pace is None else NetworkMemory(self._pace.inputs, readings)
         names = [name.partition("@")[0] for name in self._network.inputs]
         self._is_speed = np.array([name in SPEEDS for name in names])
         self._evidence = np.zeros(2)
@@ -427,7 +427,7 @@ class ScanLayout(NamedTuple):
 
     angle_min: float
     angle_increment: float
-    count: int
+    rays: int
     range_min: float = 0.0
     range_max: float = math.inf
 
@@ -440,14 +440,14 @@ class Sectors:
     """
 
     def __init__(self, layout: ScanLayout, settings: CarSettings) -> None:
-        """Raises `DriverError` for a scanner that cannot be used."""
+        """Raises `CarError` for a scanner that cannot be used."""
         numbers = (layout.angle_min, layout.angle_increment, layout.range_min)
-        if layout.count < 2 or not all(map(math.isfinite, numbers)) or layout.angle_increment == 0.0:
-            raise DriverError(f"the scan must have two rays or more, with finite angles that differ, not {layout}")
+        if layout.rays < 2 or not all(map(math.isfinite, numbers)) or layout.angle_increment == 0.0:
+            raise CarError(f"the scan must have two rays or more, with finite angles that differ, not {layout}")
         self.layout = layout
         self._settings = settings
         sign = -1.0 if settings.lidar_is_upside_down else 1.0
-        bearings = layout.angle_min + layout.angle_increment * np.arange(layout.count)
+        bearings = layout.angle_min + layout.angle_increment * np.arange(layout.rays)
         bearings = sign * bearings + settings.lidar_yaw
         self._cos, self._sin = np.cos(bearings), np.sin(bearings)
         self._numbers = self._sectors_of(bearings)
@@ -459,7 +459,7 @@ class Sectors:
         """Sectors that the scanner does not see; they have the range of the nearest one that it sees."""
         if self.unseen > MOST_UNSEEN * settings.sectors:
             first, last = sorted((math.degrees(bearings[0]), math.degrees(bearings[-1])))
-            raise DriverError(
+            raise CarError(
                 f"the scan covers {first:.0f} to {last:.0f} degrees, so {self.unseen} of the {settings.sectors} "
                 f"sectors of the policy are not seen. The policy needs {settings.first_degree:g} to "
                 f"{settings.first_degree + settings.sectors * settings.sector_degrees:g} degrees, "
@@ -472,7 +472,7 @@ class Sectors:
         ordered = self._numbers[self._order]
         self._starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
         self._present = ordered[self._starts]
-        self._group = -(-layout.count // MOST_POINTS)
+        self._group = -(-layout.rays // MOST_POINTS)
 
     def __call__(self, ranges: Any) -> tuple[Any, Any]:
         """Ranges of the sectors [m], shape (n,), and points on the car's ground [m], shape (m, 2); see `checked`."""
@@ -618,7 +618,7 @@ class Totals:
     compute: list[float] = field(default_factory=list)
 
 
-class Driver:
+class CarDriver:
     """Drives one car: give it each message with its `on_` methods, and `tick` it; both return what to command.
 
     `on_scan` makes the steps of the policy. `tick` must be called at least each quarter of `scan_timeout`: it stops the
@@ -626,8 +626,8 @@ class Driver:
     clock of the node [s].
     """
 
-    def __init__(self, settings: CarSettings, folder: Path, log: DriveLog | None = None) -> None:
-        """`folder` has the file of the policy. Raises `DriverError`."""
+    def __init__(self, settings: CarSettings, folder: Path, log: CarLog | None = None) -> None:
+        """`folder` has the file of the policy. Raises `CarError`."""
         self.settings = settings
         bearings = [settings.first_degree + (k + 0.5) * settings.sector_degrees for k in range(settings.sectors)]
         self._names = [*READINGS, *(f"range_{bearing:g}" for bearing in bearings)]
@@ -638,6 +638,8 @@ class Driver:
         """The greatest speed now [m/s]."""
         self.problem = ""
         """Why the last scan could not be used; '': it could."""
+        self.waits_for = "no scan"
+        """What is missing before the first drive; '': nothing."""
         self.notes: list[str] = []
         """What a person should know about the scanner; the node prints it."""
         self._sectors: Sectors | None = None
@@ -671,7 +673,7 @@ class Driver:
         self._began = wall.perf_counter()
         try:
             self._take_scan(now, stamp, layout, ranges)
-        except DriverError as error:
+        except CarError as error:
             self.problem = str(error)
             return None
         period = self.settings.period
@@ -689,20 +691,20 @@ class Driver:
                     f"policy: they have the range of the nearest sector"
                 )
         values = np.asarray(ranges, np.float64)
-        if values.shape != (layout.count,):
-            raise DriverError(f"the scan has {values.size} ranges, and its angles are those of {layout.count}")
+        if values.shape != (layout.rays,):
+            raise CarError(f"the scan has {values.size} ranges, and its angles are those of {layout.rays}")
         if stamp <= self._scan_stamp and now >= self._scan_time:
-            raise DriverError("the scan has the stamp of an earlier one: it is not new")
+            raise CarError("the scan has the stamp of an earlier one: it is not new")
         self._least_delay = now - stamp if now < self._scan_time else min(self._least_delay, now - stamp)
         if now - stamp - self._least_delay > self.settings.scan_timeout:
-            raise DriverError(f"the scan is {now - stamp - self._least_delay:.2f} s later than others: it is too old")
+            raise CarError(f"the scan is {now - stamp - self._least_delay:.2f} s later than others: it is too old")
         if (share := float(np.mean(self._sectors.is_invalid(values)))) > MOST_UNSEEN:
-            raise DriverError(f"{100 * share:.0f} % of the rays of the scan have no measurement")
+            raise CarError(f"{100 * share:.0f} % of the rays of the scan have no measurement")
         is_same = self._last_ranges is not None and np.array_equal(values, self._last_ranges)
         if not is_same or abs(self._speed) < STANDSTILL or math.isnan(self._same_since):
             self._same_since = now
         if now - self._same_since > self.settings.scan_timeout:
-            raise DriverError("the car drives, and each scan has the same numbers: the scanner hangs")
+            raise CarError("the car drives, and each scan has the same numbers: the scanner hangs")
         interval = now - self._scan_time
         self._slow_scans = self._slow_scans + 1 if USABLE * self.settings.scan_timeout < interval < 1.0 else 0
         if self._slow_scans == FEW:
@@ -763,9 +765,9 @@ class Driver:
             return self._step(now)
         return None
 
-    def stopped(self, now: float, reason: str) -> CarCommand:
-        """The command that stops the car."""
-        return self._log(now, self._stop(reason), (0.0, 0.0))
+    def stopped(self, now: float, reason: str) -> CarCommand | None:
+        """The command that stops the car; None if it has not driven."""
+        return self._log(now, self._stop(reason), (0.0, 0.0)) if self._has_driven else None
 
     def _missing(self, now: float) -> str:
         """What is missing for driving; '': nothing. A clock that jumped back makes everything old."""
@@ -786,9 +788,10 @@ class Driver:
         if not self._has_steering:
             self._angle = _turned(self._angle, self._target, settings, duration)
         self._step_time = now
-        if reason := self._missing(now):
+        self.waits_for = reason = self._missing(now)
+        if reason:
             self.policy.begin()
-            return self._log(now, self._stop(reason), (0.0, 0.0)) if self._has_driven else None
+            return self.stopped(now, reason)
         self._has_driven = True
         readings = np.array(
             [
@@ -948,24 +951,24 @@ LOG_COLUMNS = (
 -1 to 1, as the car was told; `policy_` before the safety layer; `scan_age` from the stamp of a scan to the command."""
 
 
-class DriveLog:
+class CarLog:
     """A log of a drive as a CSV file with a header, which `autodrive identify` and `autodrive parity` read."""
 
     def __init__(self, file: Path, settings: CarSettings) -> None:
-        """Raises `DriverError` if the file cannot be written."""
+        """Raises `CarError` if the file cannot be written."""
         bearings = [settings.first_degree + (k + 0.5) * settings.sector_degrees for k in range(settings.sectors)]
         self._sectors = settings.sectors
         self.file = Path(file)
         try:
             self._stream = self.file.open("w", newline="", encoding="utf-8")
         except OSError as error:
-            raise DriverError(f"{file} cannot be written: {error}") from None
+            raise CarError(f"{file} cannot be written: {error}") from None
         self._writer = csv.writer(self._stream)
         self._writer.writerow([*LOG_COLUMNS, "stop", *(f"range_{bearing:g}" for bearing in bearings)])
         self._flushed = wall.monotonic()
 
     @classmethod
-    def of(cls, settings: CarSettings, folder: Path) -> DriveLog | None:
+    def of(cls, settings: CarSettings, folder: Path) -> CarLog | None:
         """The log of the settings, in a folder; None: none is wanted."""
         if not settings.log:
             return None
@@ -1012,7 +1015,7 @@ def yaw_of(orientation: Any) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def topics(driver: Driver) -> list[CarTopic]:
+def topics(driver: CarDriver) -> list[CarTopic]:
     """What a node subscribes."""
     settings = driver.settings
     has_speed = bool(settings.speed_topic or settings.encoder_topics)

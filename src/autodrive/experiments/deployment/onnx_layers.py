@@ -40,7 +40,7 @@ def read_layers(file: Path, width: int) -> OnnxLayers:
     inputs = [tensor for tensor in model.graph.input if tensor.name not in constants]
     if len(inputs) != 1:
         raise _error(file, f"the network has {len(inputs)} inputs; a policy for a car has one, with {width} numbers")
-    chain = _Chain(width)
+    chain = _LayerChain(width)
     current = inputs[0].name
     for node in model.graph.node:
         if node.op_type == "Constant":
@@ -58,7 +58,7 @@ def read_layers(file: Path, width: int) -> OnnxLayers:
     return result
 
 
-class _Chain:
+class _LayerChain:
     """Layers as they are followed; an affine step is joined with the affine step before."""
 
     def __init__(self, width: int) -> None:
@@ -84,7 +84,9 @@ class _Chain:
         return OnnxLayers(self._layers, self._activations)
 
 
-def _follow(file: Path, chain: _Chain, node: onnx.NodeProto, current: str, constants: dict[str, NDArray[Any]]) -> None:
+def _follow(
+    file: Path, chain: _LayerChain, node: onnx.NodeProto, current: str, constants: dict[str, NDArray[Any]]
+) -> None:
     """Add an operator to the chain."""
     attributes = {attribute.name: onnx.helper.get_attribute_value(attribute) for attribute in node.attribute}
     kind = node.op_type

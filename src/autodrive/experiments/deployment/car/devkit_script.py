@@ -5,11 +5,13 @@ It needs the package autodrive-client (or the simulator) for the devkit protocol
 message with a new scan is one step of the policy, and messages with an old scan count time until the car stops.
 """
 
+# pyright: reportMissingImports=false
+
 import argparse
 import math
 from pathlib import Path
 
-from driver import CarSettings, DriveLog, Driver, ScanLayout
+from driver import CarDriver, CarLog, CarSettings, ScanLayout
 
 from autodrive.devkit import RoboRacer
 from autodrive.devkit import drive as serve
@@ -19,7 +21,7 @@ EXTENT = math.radians(270.0)
 """Angle from the first ray of a scan to the last one, or to the one after it if their number is even."""
 
 
-class Script:
+class CarScript:
     """Drives one car; `step` is called for each message."""
 
     def __init__(self, driver, is_dry):
@@ -56,8 +58,8 @@ def main():
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="instead of settings.json")
     options = parser.parse_args()
     settings = CarSettings.read(FOLDER / "settings.json", [*options.set, "dead_man_topic="])  # the protocol has none
-    driver = Driver(settings, FOLDER, DriveLog.of(settings, Path.cwd()))
-    script = Script(driver, options.dry_run)
+    driver = CarDriver(settings, FOLDER, CarLog.of(settings, Path.cwd()))
+    script = CarScript(driver, options.dry_run)
     try:
         serve(script.step, script.car, port=options.port)
     finally:

@@ -4,6 +4,8 @@ Usage: python3 ros1_node.py [--dry-run] [--set NAME=VALUE] ...
 The settings are in settings.json; README.md describes the folder. It only passes values between ROS and driver.py.
 """
 
+# pyright: reportMissingImports=false
+
 from __future__ import annotations
 
 import argparse
@@ -15,27 +17,27 @@ from pathlib import Path
 from typing import Any
 
 import rospy
-from driver import CarCommand, CarSettings, CarTopic, DriveLog, Driver, DriverError, topics
+from driver import CarCommand, CarDriver, CarError, CarLog, CarSettings, CarTopic, topics
 
 FOLDER = Path(__file__).parent
 
 
 def message_type(package: str, name: str) -> Any:
-    """Class of a message. Raises `DriverError` if its package is not installed."""
+    """Class of a message. Raises `CarError` if its package is not installed."""
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except ImportError:
-        raise DriverError(f"the ROS package {package} is not installed: it has the messages {name}") from None
+        raise CarError(f"the ROS package {package} is not installed: it has the messages {name}") from None
 
 
-class CarNode:
+class Ros1Node:
     """Gives the messages of the car to the driver, and publishes its commands."""
 
-    def __init__(self, driver: Driver, is_dry: bool) -> None:
+    def __init__(self, driver: CarDriver, is_dry: bool) -> None:
         self.driver = driver
         settings = driver.settings
         self._lock = threading.Lock()  # rospy calls from several threads
-        self._said = ("", "")
+        self._said: Any = None
         self._publishers: list[Any] = []
         if settings.drive_topic:
             self._kind = message_type("ackermann_msgs", "AckermannDriveStamped")
@@ -58,8 +60,7 @@ class CarNode:
     def _tick(self, _: Any) -> None:
         with self._lock:
             self._command(self.driver.tick(rospy.get_time()))
-            while self.driver.notes:
-                rospy.logwarn(self.driver.notes.pop(0))
+            self._say()
 
     def stop(self) -> None:
         """Stop the car at the end of the program, before ROS ends."""
@@ -81,10 +82,17 @@ class CarNode:
         elif self._publishers:
             self._publishers[0].publish(command.throttle)
             self._publishers[1].publish(command.steering)
-        if (said := (command.stop, self.driver.problem)) != self._said:
+
+    def _say(self) -> None:
+        """Log why the car stands, or that it drives, when that changes."""
+        driver = self.driver
+        said = (driver.waits_for, driver.problem, driver.cap)
+        if said != self._said:
             self._said = said
-            text = "; ".join(part for part in said if part)
-            rospy.loginfo(f"stop: {text}" if command.stop else f"drives, at most {self.driver.cap:g} m/s")
+            text = "; ".join(part for part in said[:2] if part)
+            rospy.loginfo(f"the car stands: {text}" if text else f"the car drives, at most {driver.cap:g} m/s")
+        while driver.notes:
+            rospy.logwarn(driver.notes.pop(0))
 
 
 def main() -> None:
@@ -96,8 +104,8 @@ def main() -> None:
     rospy.init_node("autodrive_car")
     try:
         settings = CarSettings.read(FOLDER / "settings.json", options.set)
-        CarNode(Driver(settings, FOLDER, DriveLog.of(settings, Path.cwd())), options.dry_run)
-    except DriverError as error:
+        Ros1Node(CarDriver(settings, FOLDER, CarLog.of(settings, Path.cwd())), options.dry_run)
+    except CarError as error:
         sys.exit(f"ros1_node.py: {error}")
     rospy.spin()
 
