@@ -197,8 +197,11 @@ def test_table_of_pinholes_is_right(fit: str, vertical: str, horizontal: str, fx
     assert 2.0 * math.degrees(math.atan(320.0 / k.fx)) == pytest.approx(float(horizontal), abs=0.0051)
 
 
-def test_the_camera_program_of_the_document_runs(gl: str) -> None:
-    names = run("vehicle.md")
+def test_the_programs_of_the_document_on_vehicles_run(gl: str) -> None:
+    names = run("vehicle.md", 2)
+    car = names["frame"].vehicles["V1"]
+    assert car.velocity[0] == pytest.approx(0.3)
+    assert car.steering == pytest.approx(0.2 * math.radians(30.0), rel=1e-6)  # 0.3 s of a lag of 20 ms
     assert names["image"].rgb.shape == (480, 640, 3)
 
 

@@ -36,12 +36,12 @@ def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("rival", "wins", "collisions"), [("race", 0.48, 0.02), ("follow_the_gap", 0.95, 0.05)])
+@pytest.mark.parametrize(("rival", "wins", "collisions"), [("race", 0.46, 0.02), ("follow_the_gap", 0.95, 0.05)])
 def test_the_included_policy_races_in_duels_as_documented(rival: str, wins: float, collisions: float) -> None:
-    """In the first 60 of the races that the documentation counts: with one more loss or two, it fails."""
+    """In the first 40 of the races that the documentation counts: with one more loss or two, it fails."""
     examples = Path(__file__).parents[3] / "examples" / "racing"
     other = Policy.find("race") if rival == "race" else program(examples / f"{rival}.py")
-    results = drive(duel_team(Policy.find("head_to_head"), other, has_noise=True), 60, seed=0)
+    results = drive(duel_team(Policy.find("head_to_head"), other, has_noise=True), 40, seed=0)
     assert results.is_success[:, 0].mean() >= wins
     assert results.has_collided.any(axis=1).mean() <= collisions
 

@@ -71,6 +71,8 @@ export class Renderer {
   private readonly quad: Mesh
   private readonly flatCamera = new OrthographicCamera()
   private readonly cameraPosition = new Vector3()
+  /** Passed by the graphics commands when the latest image is complete; software rendering only. */
+  private fence: WebGLSync | null = null
 
   /** A renderer for a canvas; null if the browser has no WebGL 2. */
   static create(canvas: HTMLCanvasElement): Renderer | null {
@@ -96,6 +98,19 @@ export class Renderer {
     this.quad.frustumCulled = false
   }
 
+  /**
+   * Whether the latest image is still being drawn. Software rendering needs up to a second for an image; without waiting
+   * the browser queues several images, and each click on the page is shown after all of them.
+   */
+  get isBusy(): boolean {
+    if (!this.fence) return false
+    const context = this.gl.getContext() as WebGL2RenderingContext
+    if (context.getSyncParameter(this.fence, context.SYNC_STATUS) === context.UNSIGNALED) return true
+    context.deleteSync(this.fence)
+    this.fence = null
+    return false
+  }
+
   /** Sets the size [CSS pixels] and the profile. */
   resize(width: number, height: number, profile: Profile): void {
     this.ratio = Math.min(window.devicePixelRatio, profile.pixelRatio)
@@ -117,7 +132,8 @@ export class Renderer {
   /** Draws one image of the world. */
   render(world: World, camera: PerspectiveCamera, state: WorldState, followed: string, dt: number): void {
     const { gl, target } = this
-    if (gl.getContext().isContextLost()) return
+    const context = gl.getContext() as WebGL2RenderingContext
+    if (context.isContextLost()) return
     gl.info.reset()
     this.cameraPosition.copy(camera.position)
     world.update(state, followed, this.cameraPosition, dt)
@@ -131,6 +147,10 @@ export class Renderer {
       gl.setRenderTarget(null)
       this.copy.uniforms.drawn.value = target.texture
       gl.render(this.quad, this.flatCamera)
+    }
+    if (this.isSoftware) {
+      this.fence = context.fenceSync(context.SYNC_GPU_COMMANDS_COMPLETE, 0)
+      context.flush()
     }
     this.calls = gl.info.render.calls
     this.triangles = gl.info.render.triangles

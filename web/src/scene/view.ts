@@ -432,6 +432,7 @@ class View implements SceneView {
 
   private readonly drawFrame = (milliseconds: number): void => {
     this.animation = requestAnimationFrame(this.drawFrame)
+    if (this.renderer?.isBusy) return
     const now = milliseconds / 1000
     const dt = Math.max(0, now - this.before)
     const isWaiting = this.isStreamWanted && !this.remote.hasImage

@@ -166,17 +166,19 @@ def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None
     }
     batch = BatchWorld(spec.model_copy(update={"vehicles": without_own}), threads=1)
     vehicle = batch.compiled.vehicles[name]
-    limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
+    steering, lever = vehicle.steering.commands(log.steering), vehicle.sensors.ips.mount.position
     rows: list[list[float]] = []
     with closing(batch):
         for first, end in itertools.pairwise((0, *log.breaks, len(log.time))):
-            rows += _simulated_part(batch, log, range(first, end), limit, lever)
+            rows += _simulated_part(batch, log, range(first, end), steering, lever)
     recorded = [*log.position.T[:2], log.euler[:, 2], np.abs(log.speed), log.angular_velocity[:, 2]]
     return Comparison(log.time, dict(zip(SIGNALS, recorded, strict=True)), _signals(rows), log.breaks, log.note)
 
 
-def _simulated_part(batch: BatchWorld, log: DriveLog, part: range, limit: float, lever: Vector) -> list[list[float]]:
-    """The signals of the first vehicle, simulated from the first of some rows on; `limit`: of its steering [rad]."""
+def _simulated_part(
+    batch: BatchWorld, log: DriveLog, part: range, steering: Floats, lever: Vector
+) -> list[list[float]]:
+    """The signals of the first vehicle, simulated from the first of some rows on; `steering`: commands of all rows."""
     start, name = part[0], batch.vehicle_names[0]
     heading = float(log.euler[start, 2])
     x, y, _ = log.position[start] - np.array(rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever))
@@ -184,13 +186,13 @@ def _simulated_part(batch: BatchWorld, log: DriveLog, part: range, limit: float,
     if start:
         step = log.position[min(start + 1, part[-1])] - log.position[start]
         speed = math.copysign(log.speed[start], math.cos(heading) * step[0] + math.sin(heading) * step[1])
-        obeyed = np.clip((log.throttle[start], log.steering[start] / limit), -1.0, 1.0)
+        obeyed = np.clip((log.throttle[start], steering[start]), -1.0, 1.0)
         motion = [speed, 0.0, log.angular_velocity[start, 2], *obeyed]
     readings = batch.reset(poses={name: (float(x), float(y), heading)}, motions={name: motion})
     commands = np.zeros((1, len(batch.commanded_names), 2))
     rows: list[list[float]] = []
     for i in part:
-        commands[0, 0] = log.throttle[i], log.steering[i] / limit
+        commands[0, 0] = log.throttle[i], steering[i]
         while readings.time[0] < log.time[i] - log.time[start] - 0.5 * batch.tick_duration:
             batch.step(commands)
         r = readings
