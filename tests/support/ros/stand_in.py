@@ -36,7 +36,7 @@ def hidden_vehicle(folder: Path) -> Path:
     """A file of the car RoboRacer with the hidden parameters, but for the grip."""
     vehicle = yaml.safe_load(find("vehicle", "roboracer").read_text(encoding="utf-8"))
     vehicle["title"] = "Stand-in for a real car"
-    vehicle["steering"] |= {"dead_time": LATENCY}
+    vehicle["steering"] |= {"dead_time": LATENCY, "offset_deg": OFFSET}
     vehicle["drivetrain"] |= {"dead_time": LATENCY}
     vehicle["sensors"]["lidar"] |= LIDAR
     file = folder / "roboracer_hidden.yaml"  # the first word is the name in ROS
