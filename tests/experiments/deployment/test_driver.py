@@ -76,7 +76,7 @@ def test_the_sectors_have_the_bits_of_the_observation_of_the_environment() -> No
         observed = env.reset(seed=3)[0]
         for _ in range(4):
             ranges = np.array(env.batch.readings.lidar_ranges).reshape(2, -1)
-            layout = ScanLayout(*(float(np.float32(value)) for value in LAYOUT[:2]), ranges.shape[1])
+            layout = ScanLayout(float(np.float32(LAYOUT[0])), float(np.float32(LAYOUT[1])), ranges.shape[1])
             for seen, scan in zip(observed, ranges, strict=True):
                 sectors, _ = Sectors(layout, SETTINGS)(scan.astype(np.float32).astype(np.float64))
                 assert np.array_equal(sectors.astype(np.float32), seen[-SETTINGS.sectors :])

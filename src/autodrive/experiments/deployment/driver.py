@@ -665,6 +665,7 @@ class CarDriver:
         self._braked = math.inf
         self._last = CarCommand(0.0, 0.0, 0.0, 0.0, "no scan")
         self._began = wall.perf_counter()
+        self._logged = math.nan
 
     # -- what the car measures -----------------------------------------------------------------------------------------
 
@@ -894,7 +895,8 @@ class CarDriver:
             totals.scan_age.append(age)
             totals.compute.append(compute)
         self._last = drive
-        if self.log is not None:
+        if self.log is not None and now != self._logged:
+            self._logged = now
             numbers = [now, *self._pose, self._speed, drive.throttle, drive.steering, self._yaw_rate, drive.speed]
             numbers += [drive.angle, *policy, self.cap, age, compute]
             self.log.write(numbers, drive.stop, None if self._ranges is None else self._ranges)
