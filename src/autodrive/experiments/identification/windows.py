@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
-from autodrive.experiments.identification.drive import Drive, IdentificationError
+from autodrive.experiments.identification.drive import IdentificationError
 from autodrive.experiments.identification.parameters import VehicleFile
+from autodrive.recording.drives import Drive
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch import BatchWorld
