@@ -106,7 +106,7 @@ def test_a_kinematic_car_drives_circles_of_the_wheelbase(dart: Accuracy) -> None
 
 
 def test_a_vehicle_predicts_its_own_drive_exactly() -> None:
-    """Starts, past commands, shares of the full scale and instants are consistent: the error is that of the parabola."""
+    """Starts, past commands, full scales and instants agree: what is left is the error of the parabola."""
     spec = load_vehicle("f1tenth_mocap")
 
     def commands(time: Floats) -> Floats:
