@@ -49,9 +49,8 @@ def test_dart_predicts_its_logs(dart: Accuracy) -> None:
     """The targets of free driving are 3.5, 12 and 35 cm; the battery and the trim of the day are not known."""
     medians = [dart.vehicle.at(time)[0] for time in INSTANTS]
     assert all(median < target for median, target in zip(medians, (0.035, 0.12, 0.35), strict=True)), dart.table()
-    for simple in dart.others:
-        assert dart.vehicle.at(2.0)[0] < 0.7 * simple.at(2.0)[0], dart.table()
-    assert np.median(dart.circles.errors) < 0.1, dart.table()
+    assert dart.vehicle.at(2.0)[0] < 0.7 * dart.others[1].at(2.0)[0], dart.table()  # of a kinematic car
+    assert np.median(dart.circles.errors) < 0.05, dart.table()
 
 
 def test_the_f1tenth_predicts_its_log() -> None:

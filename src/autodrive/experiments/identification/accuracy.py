@@ -10,13 +10,13 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.units import RPM
-from autodrive.experiments.identification.starts import Predictor, Session, Starts
+from autodrive.experiments.identification.starts import DriveValues, Predictor, Starts
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 REPORTED = (0.5, 1.0, 2.0, 5.0)
 """Times after a start at which the error is stated [s]."""
 LEAST_YAW_RATE = 0.15
-"""Of a steady circle [rad/s]."""
+"""Yaw rate from which a car drives a circle [rad/s]."""
 STEADY = 0.08
 """Relative change of speed and yaw rate over 1 s up to which a circle is steady."""
 
@@ -37,7 +37,7 @@ class PredictionErrors:
 
     @staticmethod
     def of(title: str, errors: Floats, instants: Floats) -> PredictionErrors:
-        """From errors of `SIGNALS`, shape (w, s, 4). A prediction whose physics diverges has an infinite error."""
+        """The errors of predictions, from errors of `SIGNALS`, shape (w, s, 4); infinite where physics diverges."""
         finite = np.where(np.isfinite(errors), errors, np.inf)
         position = np.hypot(finite[..., 0], finite[..., 1])
         return PredictionErrors(title, instants, position, np.abs(finite[..., 2]), np.abs(finite[..., 3]))
@@ -179,14 +179,14 @@ def measure_accuracy(
     vehicle: VehicleSpec,
     *,
     before: VehicleSpec | None = None,
-    session: Session | None = None,
+    session: DriveValues | None = None,
     threads: int | None = None,
 ) -> Accuracy:
     """Errors of predictions from these starts.
 
     `before`: the vehicle before the fit. `session`: values of the drives, for the vehicle.
     """
-    neutral = Session.neutral(len(starts.drives))
+    neutral = DriveValues.neutral(len(starts.drives))
     candidates = [(vehicle, session or neutral), *([] if before is None else [(before, neutral)])]
     errors = []
     for spec, values in candidates:  # their longest dead times may differ

@@ -12,7 +12,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.cache import write_file
 from autodrive.experiments.identification.gauss_newton import Point, Solver
 from autodrive.experiments.identification.staged import StagedFit
-from autodrive.experiments.identification.starts import Session, starts_of
+from autodrive.experiments.identification.starts import DriveValues, starts_of
 from autodrive.experiments.identification.synthetic import synthetic_drive
 
 SEGMENT = 6.0
@@ -97,7 +97,7 @@ def design(
     starts = starts_of(drives, fit.spec, INSTANTS, 0.5)
     solver = Solver(fit.file, starts, fit.free, (), fit.priors, threads=threads)
     try:
-        point = Point({value.path: value.value for value in fit.fitted}, Session.neutral(len(drives)))
+        point = Point({value.path: value.value for value in fit.fitted}, DriveValues.neutral(len(drives)))
         equations = solver.equations(point, solver.residuals([point])[0])
     finally:
         solver.close()

@@ -11,7 +11,7 @@ import numpy as np
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.experiments.identification.parameters import Free, VehicleFile
-from autodrive.experiments.identification.starts import Predictor, Session, Starts
+from autodrive.experiments.identification.starts import DriveValues, Predictor, Starts
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 STEP = 0.004
@@ -23,7 +23,7 @@ ENOUGH = 2e-3
 BLOCK = 20.0
 """Length of the parts of a drive that are resampled where there are few drives [s]."""
 MIN_DRIVES = 6
-"""From this number of drives on, whole drives are resampled: the starts of a drive share its trim and its battery."""
+"""Number of drives from which on whole drives are resampled: the starts of a drive share its trim and its battery."""
 SAMPLES = 400
 """Number of resamplings."""
 LARGEST = 50.0
@@ -48,8 +48,9 @@ SESSION_PRIORS: Mapping[str, SessionPrior] = {
     "grip": SessionPrior(0.3, 0.1, 2.0, 1e-2),
     "delay": SessionPrior(0.03, -0.1, 0.2, 0.02),
 }
-"""Of the trim [rad], the factors of force and friction, and the delay of the commands [s]. The deviations of trim and
-force are those of 17 logs of a small car on several days; the others are chosen."""
+"""Priors of the trim [rad], the factors of force and friction, and the delay of the commands [s].
+
+The deviations of trim and force are those of 17 logs of a small car on several days; the others are chosen."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Point:
     """A candidate: values of the vehicle's file by path, and values of the drives."""
 
     values: dict[str, float]
-    session: Session
+    session: DriveValues
 
 
 @dataclass(frozen=True)
@@ -233,7 +234,7 @@ class Solver:
             middle = parameter.share(parameter.start)
             differences.append(parameter.share(point.values[parameter.path]) - middle)
             inverse.append(deviation**-2 if math.isfinite(deviation) else 1e-4)
-        neutral = Session.neutral(self._kinds)
+        neutral = DriveValues.neutral(self._kinds)
         for name in self.session:
             differences += (getattr(point.session, name) - getattr(neutral, name)).tolist()
             inverse += [SESSION_PRIORS[name].deviation ** -2] * self._kinds

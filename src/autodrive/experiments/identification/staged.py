@@ -22,7 +22,7 @@ from autodrive.experiments.identification.gauss_newton import (
 )
 from autodrive.experiments.identification.parameters import Free, VehicleFile
 from autodrive.experiments.identification.stages import plan_for, used_by
-from autodrive.experiments.identification.starts import Session, Starts, starts_of
+from autodrive.experiments.identification.starts import DriveValues, Starts, starts_of
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 SHORT = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
@@ -64,20 +64,20 @@ class StagedFit:
     """A vehicle that was fitted in stages."""
 
     file: VehicleFile
-    """With what the fit added, such as a curve of the steering."""
+    """The vehicle's file with what the fit added, such as a curve of the steering."""
     values: dict[str, object]
     """Values by path, which the fit changed or added."""
     fitted: tuple[FittedValue, ...]
-    session: Session
+    session: DriveValues
     """Values of the drives of the fit."""
     session_names: tuple[str, ...]
     drives: tuple[Drive, ...]
     pairs: tuple[tuple[str, str, float], ...]
     """Pairs of parameters that cannot be told apart, with the correlation of their errors."""
     held: Accuracy | None
-    """On driving that was not used in the fit."""
+    """Errors on driving that was not used in the fit."""
     used: Accuracy
-    """On the driving of the fit."""
+    """Errors on the driving of the fit."""
     held_name: str
     free: tuple[Free, ...]
     """The parameters, with their bounds."""
@@ -171,7 +171,7 @@ def fit_in_stages(
         return starts if held else starts.chosen(_ends(starts) <= _middles(starts))
 
     short = of_fit(SHORT, 0.7)
-    point = Point({path: plan.start(prepared, path) for path in plan.bounds}, Session.neutral(len(drives)))
+    point = Point({path: plan.start(prepared, path) for path in plan.bounds}, DriveValues.neutral(len(drives)))
     moving: list[str] = []
     for stage in plan.stages:
         moving = [*stage.paths] if stage.is_alone else [*plan.bounds]
@@ -225,7 +225,7 @@ def fit_in_stages(
 
 
 def thinned(starts: Starts, most: int = MOST_STARTS) -> Starts:
-    """At most so many of the starts, evenly chosen."""
+    """The starts, or so many of them, evenly chosen."""
     count = len(starts.time)
     return starts if count <= most else starts.chosen(np.linspace(0, count - 1, most).round().astype(np.int64))
 

@@ -17,7 +17,7 @@ SLOW = 1.3
 GENTLE = 2.0
 """Lateral acceleration up to which that holds [m/s^2]."""
 LEAST_STARTS = 20
-"""With fewer slow and gentle starts, the first stage uses all of them."""
+"""Number of slow and gentle starts below which the first stage uses all of them."""
 KNOTS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Commands at which a vehicle without a curve of its steering gets one."""
 TIRED = 0.05
@@ -25,28 +25,28 @@ TIRED = 0.05
 
 
 @dataclass(frozen=True)
-class Stage:
+class FitStage:
     """A stage of the fit: the parameters that it adds to those of the stages before, and the starts that it uses."""
 
     title: str
     paths: tuple[str, ...]
     is_slow: bool = False
-    """Only slow and gentle starts."""
+    """Whether only slow and gentle starts are used."""
     is_alone: bool = False
-    """Only its own parameters move; otherwise those of the stages before, too."""
+    """Whether only its own parameters move; otherwise those of the stages before, too."""
 
 
 @dataclass(frozen=True)
-class Plan:
+class FitPlan:
     """Stages, bounds and priors for a vehicle."""
 
     values: dict[str, object]
     """What the vehicle's file gets before the fit, such as a curve of the steering."""
     bounds: dict[str, tuple[float, float]]
-    """By path."""
+    """Bounds of the parameters, by path."""
     priors: dict[str, float]
     """Deviations of the priors around the start, as shares of the range."""
-    stages: tuple[Stage, ...]
+    stages: tuple[FitStage, ...]
     session: tuple[str, ...]
     """Values of the drives that are fitted beside those of the vehicle."""
 
@@ -55,11 +55,11 @@ class Plan:
         return self.free(file, [path])[0].start
 
     def free(self, file: VehicleFile, paths: Sequence[str]) -> list[Free]:
-        """These parameters. Raises `IdentificationError`."""
+        """The parameters with these paths. Raises `IdentificationError`."""
         return file.free({path: self.bounds[path] for path in paths})
 
 
-def plan_for(spec: VehicleSpec) -> Plan:
+def plan_for(spec: VehicleSpec) -> FitPlan:
     """The stages for a vehicle: those of its kind of drivetrain."""
     bounds: dict[str, tuple[float, float]] = {}
     priors: dict[str, float] = {}
@@ -92,14 +92,14 @@ def plan_for(spec: VehicleSpec) -> Plan:
             steering.append(f"steering.command_limits.{i}")
     drive = _drive(spec, bounds, priors)
     tyres = _tyres(spec, bounds, priors)
-    return Plan(
+    return FitPlan(
         values,
         bounds,
         priors,
         (
-            Stage("steering at low speed", tuple(steering), is_slow=True, is_alone=True),
-            Stage("speed and force", tuple(drive), is_alone=True),
-            Stage("tyres", tuple(tyres)),
+            FitStage("steering at low speed", tuple(steering), is_slow=True, is_alone=True),
+            FitStage("speed and force", tuple(drive), is_alone=True),
+            FitStage("tyres", tuple(tyres)),
         ),
         ("trim",) if spec.drivetrain.control == "speed" else ("trim", "drive"),
     )
@@ -174,7 +174,7 @@ def _inertia_bounds(spec: VehicleSpec) -> tuple[float, float]:
     return max(0.5 * z, 1.001 * abs(x - y)), min(2.0 * z, 0.999 * (x + y))
 
 
-def used_by(stage: Stage, starts: Starts) -> Floats:
+def used_by(stage: FitStage, starts: Starts) -> Floats:
     """Which starts a stage uses, a mask of shape (w,)."""
     if not stage.is_slow:
         return np.ones(len(starts.time), np.bool_)

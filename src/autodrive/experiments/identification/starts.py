@@ -37,7 +37,7 @@ class Starts:
     """Instants of drives from which a simulation starts in the measured motion. w starts, T ticks, s instants."""
 
     drives: tuple[Drive, ...]
-    """With commands in shares of their full scale."""
+    """The drives, with commands in shares of their full scale."""
     drive: Integers
     """Number of the drive of each start, shape (w,)."""
     time: Floats
@@ -176,7 +176,7 @@ def _between(time: Floats, values: Floats, slopes: Floats, at: Floats) -> Floats
 
 
 @dataclass(frozen=True)
-class Session:
+class DriveValues:
     """Values of each of d drives that do not belong to the vehicle, each of shape (d,)."""
 
     trim: Floats
@@ -186,12 +186,12 @@ class Session:
     grip: Floats
     """Factor of the friction of the tyres on the surface of that drive."""
     delay: Floats
-    """By how much later than recorded the commands are given [s]."""
+    """Time by which the commands are given later than recorded [s]."""
 
     @staticmethod
-    def neutral(count: int) -> Session:
+    def neutral(count: int) -> DriveValues:
         """No trim, the force and friction of the vehicle's file, and commands as recorded."""
-        return Session(np.zeros(count), np.ones(count), np.ones(count), np.zeros(count))
+        return DriveValues(np.zeros(count), np.ones(count), np.ones(count), np.zeros(count))
 
 
 class Predictor:
@@ -227,16 +227,16 @@ class Predictor:
         """End the threads."""
         self._batch.close()
 
-    def predict(self, candidates: Sequence[tuple[VehicleSpec, Session]]) -> Floats:
+    def predict(self, candidates: Sequence[tuple[VehicleSpec, DriveValues]]) -> Floats:
         """`SIGNALS` of each candidate at the instants of the starts, shape (c, w, s, 4); NaN where physics diverges."""
         size = self._candidates
         return np.concatenate([self._run(candidates[i : i + size]) for i in range(0, len(candidates), size)])
 
-    def errors(self, candidates: Sequence[tuple[VehicleSpec, Session]]) -> Floats:
+    def errors(self, candidates: Sequence[tuple[VehicleSpec, DriveValues]]) -> Floats:
         """Predicted minus measured `SIGNALS`, shape (c, w, s, 4)."""
         return self.predict(candidates) - self.starts.measured
 
-    def _run(self, candidates: Sequence[tuple[VehicleSpec, Session]]) -> Floats:
+    def _run(self, candidates: Sequence[tuple[VehicleSpec, DriveValues]]) -> Floats:
         starts, batch, w = self.starts, self._batch, len(self.starts.time)
         filled = [*candidates, *candidates[:1] * (self._candidates - len(candidates))]
         sessions = [session for _, session in filled]

@@ -50,16 +50,16 @@ def synthetic_drive(
         path.write_text(yaml.safe_dump(vehicle.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
         placement = VehiclePlacement(type=str(path), sensors=off)
         batch = BatchWorld(ScenarioSpec(map="plane", vehicles={NAME: placement}, tick=TICK), 1, threads=1)
-    given = commands(np.floor(np.arange(0.0, duration, TICK) / command_period + 1e-6) * command_period)
+    held = commands(np.floor(np.arange(0.0, duration, TICK) / command_period + 1e-6) * command_period)
     readings = batch.reset(trim=trim, drive=drive)
     for _ in range(round(lead / TICK)):
-        batch.step(np.array([[[given[0, 0], 0.0]]]))
+        batch.step(np.array([[[held[0, 0], 0.0]]]))
     rows = []
-    for i in range(len(given) + 1):
+    for i in range(len(held) + 1):
         w, _, _, z = readings.orientation[0, 0]
         rows.append((i * TICK, *readings.position[0, 0, :2], 2.0 * np.arctan2(z, w)))
-        if i < len(given):
-            batch.step(given[i : i + 1, None])
+        if i < len(held):
+            batch.step(held[i : i + 1, None])
     batch.close()
     measured = np.array(rows)[:: max(1, round(pose_period / TICK))]
     rng = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ def synthetic_drive(
     half = max(0.1, 2.5 * float(np.median(np.diff(time))))
     (_, vx), (_, vy), (_, rate) = (local_parabola(time, values, breaks, half) for values in (x, y, heading))
     speed = np.hypot(vx, vy) * np.where(np.cos(heading) * vx + np.sin(heading) * vy < 0.0, -1.0, 1.0)
-    changes = np.flatnonzero(np.r_[True, (np.diff(given, axis=0) != 0.0).any(axis=1)])
+    changes = np.flatnonzero(np.r_[True, (np.diff(held, axis=0) != 0.0).any(axis=1)])
     return Drive(
         time=time,
         x=x,
@@ -79,8 +79,8 @@ def synthetic_drive(
         speed=speed,
         yaw_rate=rate,
         command_time=changes * TICK,
-        throttle=given[changes, 0],
-        steering=given[changes, 1],
+        throttle=held[changes, 0],
+        steering=held[changes, 1],
         is_angle=False,
         breaks=breaks,
         command_period=command_period,
