@@ -140,7 +140,7 @@ class Parity:
     on_scan: Floats
     """Speed [m/s] and steering angle [rad] that the policy commands with the readings of the car, shape (m, 2)."""
     on_map: Floats | None
-    """Those with the scan of the map instead of that of the car; None: without a map."""
+    """Speed and steering angle with the scan of the map instead of that of the car; None: without a map."""
     residuals: Floats | None
     """Range of each sector in the log less that in the map [m], NaN where one has no return, shape (m, n_sector)."""
     places: FromPlaces | None

@@ -23,7 +23,7 @@ EXCERPT = 20.0
 LIGHT = "figure { background: white; overflow-x: auto; display: block } p { max-width: 50rem }"
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """A line of a table: a name, and values as texts."""
 
     name: str
@@ -55,7 +55,7 @@ def summary(parity: Parity) -> str:
     return "\n".join(lines[1:])
 
 
-def sections(parity: Parity) -> list[tuple[str, str, list[Row], list[Curves]]]:
+def sections(parity: Parity) -> list[tuple[str, str, list[TableRow], list[Curves]]]:
     """Heading, text, table (its first row is the head), and plots of each section."""
     return [
         _drive(parity),
@@ -66,27 +66,27 @@ def sections(parity: Parity) -> list[tuple[str, str, list[Row], list[Curves]]]:
     ]
 
 
-def _drive(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
+def _drive(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     log = parity.log
     stops = [stop for stop, before in zip(log.stops, ("", *log.stops), strict=False) if stop and stop != before]
     speed = log.columns["speed"][parity.used]
     way = float(np.abs(log.columns["speed"][1:] * np.diff(log.time)).sum())
     rows = [
-        Row("", ["value"]),
-        Row("time [s]", [f"{log.time[-1] - log.time[0]:.1f}"]),
-        Row("rows in which the car drove", [f"{len(parity.used)} of {len(log.time)}"]),
-        Row("distance [m]", [f"{way:.1f}"]),
-        Row("speed: median, greatest [m/s]", [f"{np.median(speed):.2f}", f"{speed.max():.2f}"]),
-        *(Row(f"stops: {reason}", [str(stops.count(reason))]) for reason in sorted(set(stops))),
+        TableRow("", ["value"]),
+        TableRow("time [s]", [f"{log.time[-1] - log.time[0]:.1f}"]),
+        TableRow("rows in which the car drove", [f"{len(parity.used)} of {len(log.time)}"]),
+        TableRow("distance [m]", [f"{way:.1f}"]),
+        TableRow("speed: median, greatest [m/s]", [f"{np.median(speed):.2f}", f"{speed.max():.2f}"]),
+        *(TableRow(f"stops: {reason}", [str(stops.count(reason))]) for reason in sorted(set(stops))),
     ]
     return "The drive", "What the log of the car contains.", rows, []
 
 
-def _scan(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
+def _scan(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     assert parity.residuals is not None
     residuals, settings = parity.residuals, parity.settings
     known = residuals[np.isfinite(residuals)]
-    rows = [Row("", ["residual [m]"])]
+    rows = [TableRow("", ["residual [m]"])]
     text = (
         "The range of each sector in the log, less the range from the same pose in the map, without noise. The "
         "shortest of several ranges with noise is less than their mean, by about two standard deviations. Another "
@@ -96,9 +96,9 @@ def _scan(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
     if len(known):
         low, median, high = np.percentile(known, [5, 50, 95])
         rows += [
-            Row("median", [f"{median:+.3f}"]),
-            Row("5 % and 95 %", [f"{low:+.3f}", f"{high:+.3f}"]),
-            Row("sectors within 5 cm", [f"{100 * np.mean(abs(known) < 0.05):.1f} %"]),
+            TableRow("median", [f"{median:+.3f}"]),
+            TableRow("5 % and 95 %", [f"{low:+.3f}", f"{high:+.3f}"]),
+            TableRow("sectors within 5 cm", [f"{100 * np.mean(abs(known) < 0.05):.1f} %"]),
         ]
     thirds = np.array_split(np.arange(settings.sectors), 6)
     for sectors in thirds:
@@ -106,7 +106,7 @@ def _scan(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
         values = values[np.isfinite(values)]
         first, last = (settings.first_degree + settings.sector_degrees * k for k in (sectors[0], sectors[-1] + 1))
         middle = f"{np.median(values):+.3f}" if len(values) else "-"
-        rows.append(Row(f"median from {first:.0f} to {last:.0f} degrees", [middle]))
+        rows.append(TableRow(f"median from {first:.0f} to {last:.0f} degrees", [middle]))
     place = _middle(parity)
     shown = np.full(len(place), np.nan)
     typical = np.abs(residuals[place])
@@ -127,7 +127,7 @@ def _middle(parity: Parity) -> Floats:
     return longest[np.abs(time[longest] - middle) <= 0.5 * EXCERPT]
 
 
-def _commands(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
+def _commands(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     columns, used, settings = parity.log.columns, parity.used, parity.settings
     limit = settings.steering_limit
     car = np.column_stack([
@@ -138,10 +138,10 @@ def _commands(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
     others = {"policy with the car's scan": parity.on_scan, "after the safety layer": told}
     if parity.on_map is not None:
         others["policy with the scan of the map"] = parity.on_map
-    rows = [Row("difference from the policy on the car: rms", ["speed [m/s]", "steering [deg]"])]
+    rows = [TableRow("difference from the policy on the car: rms", ["speed [m/s]", "steering [deg]"])]
     for name, commands in others.items():
         rms = np.sqrt(np.mean((commands - car) ** 2, axis=0))
-        rows.append(Row(name, [f"{rms[0]:.4f}", f"{rms[1] / DEGREE:.3f}"]))
+        rows.append(TableRow(name, [f"{rms[0]:.4f}", f"{rms[1] / DEGREE:.3f}"]))
     place = _middle(parity)
     time = parity.log.time[used[place]]
     plots = [
@@ -161,13 +161,13 @@ def _commands(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
     return "The commands", text, rows, plots
 
 
-def _motion(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
+def _motion(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     places = parity.places
     assert places is not None
     real = parity.log.columns["speed"][places.rows]
     faster = places.speed - real
     rows = [
-        Row(
+        TableRow(
             "after", ["line: median", "95 %", "speed: median", "median size", "95 %"]
         )
     ]  # fmt: skip
@@ -177,8 +177,8 @@ def _motion(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
         numbers = [np.median(line), np.percentile(line, 95), np.median(speed)]
         numbers += [np.median(abs(speed)), np.percentile(abs(speed), 95)]
         texts = [f"{100 * numbers[0]:.1f} cm", f"{100 * numbers[1]:.1f} cm", *(f"{n:+.2f} m/s" for n in numbers[2:])]
-        rows.append(Row(f"{moment:g} s", texts))
-    rows.append(Row("places of the log; touched a wall", [str(len(places.rows)), str(places.touched)]))
+        rows.append(TableRow(f"{moment:g} s", texts))
+    rows.append(TableRow("places of the log; touched a wall", [str(len(places.rows)), str(places.touched)]))
     seconds = parity.settings.period * np.arange(places.speed.shape[1])
     low, middle, high = np.percentile(100.0 * places.across, [5, 50, 95], axis=0)
     slow, same, fast = np.percentile(faster, [5, 50, 95], axis=0)
@@ -194,16 +194,16 @@ def _motion(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
     return "The motion", text, rows, plots
 
 
-def _latency(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
+def _latency(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     columns, used = parity.log.columns, parity.used
-    rows = [Row("time [ms]", ["median", "95 %", "greatest"])]
+    rows = [TableRow("time [ms]", ["median", "95 %", "greatest"])]
     for name, column in (("from the stamp of a scan to the command", "scan_age"), ("of computing", "compute")):
         values = columns[column][used]
         values = values[np.isfinite(values)]
-        rows.append(Row(name, [f"{1e3 * number:.1f}" for number in np.percentile(values, [50, 95, 100])]))
+        rows.append(TableRow(name, [f"{1e3 * number:.1f}" for number in np.percentile(values, [50, 95, 100])]))
     for name, delay in parity.delays.items():
         shown = "-" if math.isnan(delay) else f"{1e3 * delay:.0f}"
-        rows.append(Row(f"from a steering command to the yaw rate, {name}", [shown]))
+        rows.append(TableRow(f"from a steering command to the yaw rate, {name}", [shown]))
     text = (
         "The time from a command to the yaw rate is that with the greatest correlation; it has the dead time of the "
         "car, its servo and its yaw. If it is longer for the car than for the simulated vehicle, the vehicle needs "
@@ -212,6 +212,6 @@ def _latency(parity: Parity) -> tuple[str, str, list[Row], list[Curves]]:
     return "Latency", text, rows, []
 
 
-def _cells(row: Row, kind: str) -> str:
+def _cells(row: TableRow, kind: str) -> str:
     cells = "".join(f"<{kind}>{escape(value)}</{kind}>" for value in row.values)
     return f'<tr><{kind} class="text">{escape(row.name)}</{kind}>{cells}</tr>'
