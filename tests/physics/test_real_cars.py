@@ -269,6 +269,34 @@ def test_the_greatest_force_is_the_limit_of_the_formula(shape: float, curvature:
     assert curve.normalised_peak_slip == 10.0  # it rises everywhere
 
 
+PUBLISHED = {
+    "nuc1": (
+        (4.47161357602916, 0.1320293068694414, 12.267008918241816, 1.5562751013900538),
+        (10.0, 1.5, 1.320025, 1.1),
+    ),
+    "nuc2": (
+        (4.798521440254997, 2.1640281784621833, 0.6502296853018044, 0.3732212044732381),
+        (20.0, 1.5, 0.618418, 0.0),
+    ),
+}
+"""B, C, D, E of the front and the rear tyres that ForzaETH has published."""
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_the_tyres_of_the_cars_of_forzaeth_are_the_published_ones(name: str) -> None:
+    """Up to a slip angle of 0.3 rad, by their own formula: D sin(C atan(B a - E (B a - atan(B a))))."""
+    magic = load_vehicle(name).wheels.magic_formula
+    assert magic is not None
+    assert magic.rear_sideways is not None
+    ours = (magic.sideways, magic.front_cornering_stiffness), (magic.rear_sideways, magic.rear_cornering_stiffness)
+    for (b, c, d, e), (curve, stiffness) in zip(PUBLISHED[name], ours, strict=True):
+        assert stiffness == pytest.approx(b * c * d, rel=1e-4)  # four digits in the file
+        for angle in np.linspace(0.0, 0.3, 31).tolist():
+            published = d * math.sin(c * math.atan(b * angle - e * (b * angle - math.atan(b * angle))))
+            own = magic_formula(math.tan(angle), curve.friction, stiffness, curve.shape, curve.curvature)
+            assert own == pytest.approx(published, abs=0.005)  # as the documents say
+
+
 # -- the session: floor, trim, battery ---------------------------------------------------------------------------
 
 

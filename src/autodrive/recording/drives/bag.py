@@ -72,7 +72,7 @@ class _Topic:
 
 
 @dataclass(frozen=True)
-class _Source:
+class _QuantitySource:
     """Where a quantity comes from."""
 
     topic: str
@@ -247,8 +247,8 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Values]] = {
 # -- choice --------------------------------------------------------------------------------------------------------
 
 
-def _sources(topics: Mapping[str, _Topic], wanted: Mapping[str, str]) -> dict[str, _Source]:
-    sources: dict[str, _Source] = {}
+def _sources(topics: Mapping[str, _Topic], wanted: Mapping[str, str]) -> dict[str, _QuantitySource]:
+    sources: dict[str, _QuantitySource] = {}
     for name, source in wanted.items():
         for quantity in GROUPS.get(name, (name,)):
             sources[quantity] = _named(topics, quantity, source, is_group=name in GROUPS)
@@ -267,7 +267,7 @@ def _sources(topics: Mapping[str, _Topic], wanted: Mapping[str, str]) -> dict[st
     return sources
 
 
-def _named(topics: Mapping[str, _Topic], quantity: str, source: str, *, is_group: bool) -> _Source:
+def _named(topics: Mapping[str, _Topic], quantity: str, source: str, *, is_group: bool) -> _QuantitySource:
     """The source that the option `--topics` names."""
     column = mapped_column(quantity, source, [source_name(source)], UNITS[quantity], "--topics")
     name, _, path = column.name.partition(":")
@@ -285,13 +285,13 @@ def _named(topics: Mapping[str, _Topic], quantity: str, source: str, *, is_group
         )
     if not column.unit and key == quantity and topic.type.startswith("ackermann_msgs"):
         column = column._replace(unit={"throttle": "m/s", "steering": "rad"}.get(quantity, ""))
-    return _Source(name, key, column)
+    return _QuantitySource(name, key, column)
 
 
-def _plain(topics: Mapping[str, _Topic], topic: str, quantity: str, key: str = "") -> _Source:
+def _plain(topics: Mapping[str, _Topic], topic: str, quantity: str, key: str = "") -> _QuantitySource:
     is_ackermann = topics[topic].type.startswith("ackermann_msgs")
     unit = {"throttle": "m/s", "steering": "rad"}.get(quantity, "") if is_ackermann else ""
-    return _Source(topic, key or quantity, TableColumn(0, topic, 1.0, 0.0, unit))
+    return _QuantitySource(topic, key or quantity, TableColumn(0, topic, 1.0, 0.0, unit))
 
 
 def _only(names: Sequence[str], content: str, option: str) -> str:
@@ -321,7 +321,7 @@ def _pose_topic(topics: Mapping[str, _Topic]) -> str | None:
     return _only(best, "poses", "pose") if best else None
 
 
-def _choose_commands(topics: Mapping[str, _Topic], sources: dict[str, _Source]) -> None:
+def _choose_commands(topics: Mapping[str, _Topic], sources: dict[str, _QuantitySource]) -> None:
     """Add the sources of throttle and steering that are not named."""
     missing = [name for name in ("throttle", "steering") if name not in sources]
     if "steering_angle" in sources and "steering" in missing:
@@ -350,7 +350,7 @@ def _last(name: str) -> str:
 # -- rows ----------------------------------------------------------------------------------------------------------
 
 
-def _rows(topics: Mapping[str, _Topic], sources: Mapping[str, _Source], path: Path) -> LogRows:
+def _rows(topics: Mapping[str, _Topic], sources: Mapping[str, _QuantitySource], path: Path) -> LogRows:
     """The messages of the sources, in the order in which they were recorded."""
     names = [*dict.fromkeys(source.topic for source in sources.values())]
     if not names:
@@ -381,7 +381,7 @@ def _rows(topics: Mapping[str, _Topic], sources: Mapping[str, _Source], path: Pa
     return rows
 
 
-def _used(sources: Mapping[str, _Source]) -> LogProblem:
+def _used(sources: Mapping[str, _QuantitySource]) -> LogProblem:
     """Says which topics are used: the choice is a guess unless they are named."""
     by_topic: dict[str, list[str]] = {}
     for quantity, source in sources.items():

@@ -68,7 +68,7 @@ class MessageField(NamedTuple):
     type: str
     """Number, 'string', or a message such as 'std_msgs/Header'."""
     size: int | None
-    """None: no array; -1: an array with its own length; otherwise a fixed length."""
+    """Length of an array; -1: each message has its own length; None: no array."""
 
 
 class MessageTypes:
