@@ -405,7 +405,8 @@ def drive_on(
                 scanned, scan = frame.lidar.time, frame.lidar
                 driver.on_encoder(now, float(frame.encoders.angles.mean()))
                 driver.on_yaw_rate(now, float(frame.imu.angular_velocity[2]))
-                driver.on_pose(now, *frame.pose.position[:2].tolist(), yaw_from_quaternion(frame.pose.orientation))
+                x, y, _ = frame.pose.position.tolist()
+                driver.on_pose(now, x, y, yaw_from_quaternion(frame.pose.orientation))
                 layout = ScanLayout(
                     scan.angle_min, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max
                 )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from autodrive.base.arrays import Floats
+from autodrive.base.arrays import Integers
 from autodrive.base.svg_plot import HEIGHT, Curves, panel, panels_over_time
 from autodrive.base.units import DEGREE
 from autodrive.base.version import __version__
@@ -118,7 +118,7 @@ def _scan(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     return "The scan against the map", text, rows, [curves]
 
 
-def _middle(parity: Parity) -> Floats:
+def _middle(parity: Parity) -> Integers:
     """Numbers of the used rows that plots show."""
     time = parity.log.time[parity.used]
     breaks = np.flatnonzero(np.diff(time) > 3.0 * parity.settings.period) + 1
