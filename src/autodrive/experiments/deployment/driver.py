@@ -573,13 +573,17 @@ def free_distances(points: Any, curvatures: Any, *, front: float, half_width: fl
     the inner side of its rear axle and of its outer front corner.
     """
     curvatures = np.where(np.abs(curvatures) < 1e-4, 1e-4, curvatures)
-    radius = np.abs(1.0 / curvatures)[:, None]
-    x, y = points[:, 0][None, :], np.sign(curvatures)[:, None] * points[:, 1][None, :]
-    distance = np.hypot(x, y - radius)
-    is_hit = (distance > radius - half_width) & (distance < np.hypot(radius + half_width, front))
-    driven = radius * np.arctan2(x, radius - y) - front
-    is_hit &= driven > -front
-    return np.where(is_hit, driven, FAR).min(axis=1, initial=FAR)
+    radius = np.abs(1.0 / curvatures)
+    x, y = points[:, 0], np.sign(curvatures)[:, None] * points[:, 1]
+    aside = y - radius[:, None]
+    distance = x * x + aside * aside
+    inner, outer = np.maximum(radius - half_width, 0.0) ** 2, (radius + half_width) ** 2 + front * front
+    paths, hits = np.nonzero((distance > inner[:, None]) & (distance < outer[:, None]))
+    driven = radius[paths] * np.arctan2(x[hits], -aside[paths, hits]) - front
+    free = np.full(len(curvatures), FAR)
+    is_ahead = driven > -front
+    np.minimum.at(free, paths[is_ahead], driven[is_ahead])
+    return free
 
 
 def seen_from(points: Any, curvature: float, way: float) -> Any:
