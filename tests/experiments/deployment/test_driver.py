@@ -327,6 +327,15 @@ def test_a_clock_that_jumps_back_stops_the_car_until_there_are_new_messages(fold
     assert command.stop == "no scan"
 
 
+def test_a_clock_that_is_set_later_does_not_make_all_scans_old(folder: Path) -> None:
+    bench = Bench(folder)
+    bench.driver.on_scan(0.0, 4.0, LAYOUT, np.full(1081, 3.0))  # the clock of a simulator is not known yet
+    assert "has not begun" in bench.driver.problem
+    bench.driver.on_scan(0.1, 4.0, LAYOUT, np.full(1081, 3.0))  # the clock is far behind that of the scanner
+    bench.time = 100.0
+    assert bench.run(0.3)[-1].stop == ""
+
+
 def test_a_slow_scanner_drives_with_the_steps_of_the_policy_and_a_slower_one_is_named(folder: Path) -> None:
     bench = Bench(folder)
     times = []

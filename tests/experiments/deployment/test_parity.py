@@ -131,7 +131,7 @@ def test_the_command_writes_a_page(logs: dict[str, Path], tmp_path: Path) -> Non
     parser = Texts()
     parser.feed(page.read_text(encoding="utf-8"))
     assert parser.open == []
-    assert {"The motion", "steering [deg]", "policy with the scan of the map"} <= {*parser.texts}
+    assert {"The motion", "steering [deg]", "with the scan of the map"} <= {*parser.texts}
     assert "NaN" not in page.read_text(encoding="utf-8")
     call(*words, "-o", page, "--force")
     assert "The motion" not in page.read_text(encoding="utf-8")  # without a map

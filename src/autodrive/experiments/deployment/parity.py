@@ -104,8 +104,8 @@ class ParityLog:
         return np.column_stack([self.columns[name] for name in ("x", "y", "yaw")])
 
     def parts(self, period: float) -> list[range]:
-        """The rows of each part in which the car drove without a stop or a gap."""
-        drives = np.array([not stop for stop in self.stops]) & np.isfinite(self.ranges).all(axis=1)
+        """The rows of each part in which the policy drove without a gap; it goes on while a wall stops the car."""
+        drives = np.array([stop in ("", "wall") for stop in self.stops]) & np.isfinite(self.ranges).all(axis=1)
         is_new = np.r_[True, (np.diff(self.time) > 3.0 * period) | ~drives[:-1]]
         starts = np.flatnonzero(drives & is_new)
         ends = np.flatnonzero(drives & np.r_[is_new[1:] | ~drives[1:], True]) + 1

@@ -135,9 +135,9 @@ def _commands(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
         np.clip(columns["policy_steering"][used] * settings.full_angle, -limit, limit),
     ])  # fmt: skip
     told = np.column_stack([columns["command_speed"][used], columns["command_angle"][used]])
-    others = {"policy with the car's scan": parity.on_scan, "after the safety layer": told}
+    others = {"with the car's scan": parity.on_scan, "after the safety layer": told}
     if parity.on_map is not None:
-        others["policy with the scan of the map"] = parity.on_map
+        others["with the scan of the map"] = parity.on_map
     rows = [TableRow("difference from the policy on the car: rms", ["speed [m/s]", "steering [deg]"])]
     for name, commands in others.items():
         rms = np.sqrt(np.mean((commands - car) ** 2, axis=0))
