@@ -28,6 +28,8 @@ ARCS = np.linspace(-1.0, 1.0, 15)
 """Paths that the braking model tries, as shares of the greatest curvature."""
 FAR = 10.0
 """Greatest free distance of a path [m]: what is farther was not seen."""
+JUMP = 1.0
+"""Change of the clock of the node against that of the machine between two scans that means that it was set [s]."""
 USABLE = 0.75
 """A scan is used for this share of `scan_timeout`: the car has its stop in time, although `tick` comes from time to
 time."""
@@ -571,13 +573,17 @@ def free_distances(points: Any, curvatures: Any, *, front: float, half_width: fl
     the inner side of its rear axle and of its outer front corner.
     """
     curvatures = np.where(np.abs(curvatures) < 1e-4, 1e-4, curvatures)
-    radius = np.abs(1.0 / curvatures)[:, None]
-    x, y = points[:, 0][None, :], np.sign(curvatures)[:, None] * points[:, 1][None, :]
-    distance = np.hypot(x, y - radius)
-    is_hit = (distance > radius - half_width) & (distance < np.hypot(radius + half_width, front))
-    driven = radius * np.arctan2(x, radius - y) - front
-    is_hit &= driven > -front
-    return np.where(is_hit, driven, FAR).min(axis=1, initial=FAR)
+    radius = np.abs(1.0 / curvatures)
+    x, y = points[:, 0], np.sign(curvatures)[:, None] * points[:, 1]
+    aside = y - radius[:, None]
+    distance = x * x + aside * aside
+    inner, outer = np.maximum(radius - half_width, 0.0) ** 2, (radius + half_width) ** 2 + front * front
+    paths, hits = np.nonzero((distance > inner[:, None]) & (distance < outer[:, None]))
+    driven = radius[paths] * np.arctan2(x[hits], -aside[paths, hits]) - front
+    free = np.full(len(curvatures), FAR)
+    is_ahead = driven > -front
+    np.minimum.at(free, paths[is_ahead], driven[is_ahead])
+    return free
 
 
 def seen_from(points: Any, curvature: float, way: float) -> Any:
@@ -653,6 +659,7 @@ class CarDriver:
         self._slow_scans = 0
         self._scan_time = self._scan_stamp = -math.inf
         self._least_delay = math.inf
+        self._clock_offset = math.inf
         self._step_time = -math.inf
         self._due = -math.inf
         self._speed = self._side_speed = self._yaw_rate = 0.0
@@ -699,7 +706,13 @@ class CarDriver:
             raise CarError(f"the scan has {values.size} ranges, and its angles are those of {layout.rays}")
         if stamp <= self._scan_stamp and now >= self._scan_time:
             raise CarError("the scan has the stamp of an earlier one: it is not new")
-        self._least_delay = now - stamp if now < self._scan_time else min(self._least_delay, now - stamp)
+        if now <= 0.0:
+            raise CarError("the clock of the node has not begun: with use_sim_time, it waits for /clock")
+        offset = now - wall.monotonic()
+        if abs(offset - self._clock_offset) > JUMP or now < self._scan_time:  # the clock was set
+            self._least_delay = math.inf
+        self._clock_offset = offset
+        self._least_delay = min(self._least_delay, now - stamp)
         if now - stamp - self._least_delay > self.settings.scan_timeout:
             raise CarError(f"the scan is {now - stamp - self._least_delay:.2f} s later than others: it is too old")
         if (share := float(np.mean(self._sectors.is_invalid(values)))) > MOST_UNSEEN:
@@ -954,7 +967,7 @@ LOG_COLUMNS = (
     "x",
     "y",
     "yaw",
-    "speed",
+    "wheel_speed",
     "throttle",
     "steering",
     "yaw_rate",
@@ -967,9 +980,11 @@ LOG_COLUMNS = (
     "scan_age",
     "compute",
 )
-"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad; throttle and steering
--1 to 1, as the car was told; `policy_` before the safety layer, and the angle that the policy read; `scan_age` from the
-stamp of a scan to the command."""
+"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad.
+
+`wheel_speed` is what the car measures, and is not called speed: an identification then takes the speed from the poses,
+which the slip of the wheels does not change. `throttle` and `steering`, -1 to 1: as the car was told. `policy_`: before
+the safety layer, and the angle that the policy read. `scan_age`: from the stamp of a scan to the command."""
 
 
 class CarLog:

@@ -69,8 +69,8 @@ def sections(parity: Parity) -> list[tuple[str, str, list[TableRow], list[Curves
 def _drive(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     log = parity.log
     stops = [stop for stop, before in zip(log.stops, ("", *log.stops), strict=False) if stop and stop != before]
-    speed = log.columns["speed"][parity.used]
-    way = float(np.abs(log.columns["speed"][1:] * np.diff(log.time)).sum())
+    speed = log.columns["wheel_speed"][parity.used]
+    way = float(np.abs(log.columns["wheel_speed"][1:] * np.diff(log.time)).sum())
     rows = [
         TableRow("", ["value"]),
         TableRow("time [s]", [f"{log.time[-1] - log.time[0]:.1f}"]),
@@ -135,9 +135,9 @@ def _commands(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
         np.clip(columns["policy_steering"][used] * settings.full_angle, -limit, limit),
     ])  # fmt: skip
     told = np.column_stack([columns["command_speed"][used], columns["command_angle"][used]])
-    others = {"policy with the car's scan": parity.on_scan, "after the safety layer": told}
+    others = {"with the car's scan": parity.on_scan, "after the safety layer": told}
     if parity.on_map is not None:
-        others["policy with the scan of the map"] = parity.on_map
+        others["with the scan of the map"] = parity.on_map
     rows = [TableRow("difference from the policy on the car: rms", ["speed [m/s]", "steering [deg]"])]
     for name, commands in others.items():
         rms = np.sqrt(np.mean((commands - car) ** 2, axis=0))
@@ -164,7 +164,7 @@ def _commands(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
 def _motion(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     places = parity.places
     assert places is not None
-    real = parity.log.columns["speed"][places.rows]
+    real = parity.log.columns["wheel_speed"][places.rows]
     faster = places.speed - real
     rows = [
         TableRow(
