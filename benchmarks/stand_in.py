@@ -1,4 +1,4 @@
-"""Drives a stand-in for a real car by ROS 2 with a deployed policy, identifies the car from its log, and trains again.
+"""Drives a stand-in for a real car by ROS 2 with a deployed policy, and identifies the car from its log.
 
 The stand-in is a simulator with hidden parameters: less grip, latency, another layout of the scan, an offset of the
 steering, and noise (`tests/support/ros/stand_in.py`). Prints laps, collisions, and what the node costs.
@@ -10,17 +10,23 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 from tests.support.ros.processes import client
 from tests.support.ros.ros2 import sourced
-from tests.support.ros.stand_in import DrivenStandIn
+from tests.support.ros.stand_in import GRIP, LATENCY, OFFSET, DrivenStandIn
 
 LIMIT = 900.0
 """Simulated time after which a drive ends [s]."""
 SETTINGS = ("cap_interval=5.0",)
+
+
+FREE = "steering.dead_time=0.001:0.1,steering.offset_deg=-3:3,wheels.sideways_friction.stiffness=0.5:1.2"
+"""What is identified of the hidden parameters."""
 
 
 def drive(folder: Path, track: str, laps: int, speed: float, policy: str, vehicle: str) -> None:
@@ -63,6 +69,10 @@ def main() -> None:
     folder = options.output or Path(tempfile.mkdtemp(prefix="stand_in_"))
     for track in options.tracks:
         drive(folder / track, track, options.laps, options.speed, options.policy, options.vehicle)
+    log = folder / options.tracks[-1] / "drive.csv"
+    print(f"{GRIP=}, {LATENCY=} s, {OFFSET=} degrees; identified from {log}:", flush=True)
+    command = [sys.executable, "-m", "autodrive", "identify", log, "--vehicle", options.vehicle, "--free", FREE]
+    subprocess.run([*map(str, command), "--window", "1", "--output", folder / "identified.yaml", "--force"], check=True)
     print(f"logs: {folder}/*/drive.csv")
 
 

@@ -42,6 +42,7 @@ from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.policy import Pace, PolicyDrivers
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
+from autodrive.recording.drives import read_drives
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.compile import on_grid
@@ -456,6 +457,15 @@ def test_a_car_with_less_grip_latency_and_a_steering_offset_drives_clean_with_th
     assert np.diff(rows["time"]) == pytest.approx(0.025, abs=1e-5)
     way = np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()
     assert way == pytest.approx(driver.totals.driven, rel=0.08)  # the wheels slip
+    (read,) = read_drives(tmp_path / "drive.csv")  # as `autodrive identify` reads it
+    assert read.problems == ()
+    assert len(read.time) == len(rows)
+    assert np.interp(10.0, read.time, read.x) == pytest.approx(
+        np.interp(10.0, rows["time"] - rows["time"][0], rows["x"])
+    )
+    assert np.interp(10.0, read.time, read.speed) == pytest.approx(
+        np.interp(10.025, rows["time"], rows["wheel_speed"]), rel=0.15
+    )
     assert rows["throttle"] * 25.252 == pytest.approx(rows["command_speed"], abs=1e-4)
     summary = json.loads((tmp_path / "drive.json").read_text())
     assert summary["steps"] == len(rows)

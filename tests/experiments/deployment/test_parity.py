@@ -57,7 +57,7 @@ def test_the_same_car_drives_as_the_simulator(parities: dict[str, Parity]) -> No
     assert parity.places is not None
     assert np.abs(parity.places.across).max() < 0.03  # the scan of the map has no noise
     after = round(1.0 / parity.settings.period)
-    faster = parity.places.speed[:, after] - columns["speed"][parity.places.rows[:, after]]
+    faster = parity.places.speed[:, after] - columns["wheel_speed"][parity.places.rows[:, after]]
     assert abs(np.median(faster)) < 0.15
     assert parity.places.touched == 0
     assert parity.delays["car"] == pytest.approx(parity.delays["simulated vehicle"], abs=0.0151)

@@ -967,7 +967,7 @@ LOG_COLUMNS = (
     "x",
     "y",
     "yaw",
-    "speed",
+    "wheel_speed",
     "throttle",
     "steering",
     "yaw_rate",
@@ -980,9 +980,11 @@ LOG_COLUMNS = (
     "scan_age",
     "compute",
 )
-"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad; throttle and steering
--1 to 1, as the car was told; `policy_` before the safety layer, and the angle that the policy read; `scan_age` from the
-stamp of a scan to the command."""
+"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad.
+
+`wheel_speed` is what the car measures, and is not called speed: an identification then takes the speed from the poses,
+which the slip of the wheels does not change. `throttle` and `steering`, -1 to 1: as the car was told. `policy_`: before
+the safety layer, and the angle that the policy read. `scan_age`: from the stamp of a scan to the command."""
 
 
 class CarLog:

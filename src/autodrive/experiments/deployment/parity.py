@@ -183,7 +183,7 @@ def compare_with_simulator(
 
 def _readings(log: ParityLog, row: int, ranges: Floats) -> Floats:
     columns = log.columns
-    speed = columns["speed"][row]
+    speed = columns["wheel_speed"][row]
     own = [speed, 0.0, columns["yaw_rate"][row], columns["policy_angle"][row], speed, columns["scan_age"][row]]
     return np.array([*own, *ranges])
 
@@ -262,7 +262,12 @@ def _driven(
             rows = np.array([*some, *[some[-1]] * (batch.n - len(some))])
             before = np.column_stack([columns["throttle"][rows - 1], columns["steering"][rows - 1]])
             motions = np.column_stack(
-                [columns["speed"][rows], np.zeros(len(rows)), columns["yaw_rate"][rows], np.clip(before, -1.0, 1.0)]
+                [
+                    columns["wheel_speed"][rows],
+                    np.zeros(len(rows)),
+                    columns["yaw_rate"][rows],
+                    np.clip(before, -1.0, 1.0),
+                ]
             )
             readings = batch.reset(poses={"V1": log.poses[rows]}, motions={"V1": motions})
             angles = readings.encoder_angles[:, 0].mean(axis=1)
@@ -304,7 +309,7 @@ def _beside(path: Floats, position: Floats) -> float:
 
 def _steered(log: ParityLog, parts: Sequence[range]) -> tuple[list[Floats], list[Floats], list[Floats]]:
     """Times [s], commanded steering angle [rad] and curvature [1/m] of the real car, for each part."""
-    speed = log.columns["speed"]
+    speed = log.columns["wheel_speed"]
     curvature = np.where(speed > ROLLING, log.columns["yaw_rate"] / np.maximum(speed, ROLLING), np.nan)
     rows = [np.array(part) for part in parts]
     return [log.time[r] for r in rows], [log.columns["command_angle"][r] for r in rows], [curvature[r] for r in rows]

@@ -69,8 +69,8 @@ def sections(parity: Parity) -> list[tuple[str, str, list[TableRow], list[Curves
 def _drive(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     log = parity.log
     stops = [stop for stop, before in zip(log.stops, ("", *log.stops), strict=False) if stop and stop != before]
-    speed = log.columns["speed"][parity.used]
-    way = float(np.abs(log.columns["speed"][1:] * np.diff(log.time)).sum())
+    speed = log.columns["wheel_speed"][parity.used]
+    way = float(np.abs(log.columns["wheel_speed"][1:] * np.diff(log.time)).sum())
     rows = [
         TableRow("", ["value"]),
         TableRow("time [s]", [f"{log.time[-1] - log.time[0]:.1f}"]),
@@ -164,7 +164,7 @@ def _commands(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
 def _motion(parity: Parity) -> tuple[str, str, list[TableRow], list[Curves]]:
     places = parity.places
     assert places is not None
-    real = parity.log.columns["speed"][places.rows]
+    real = parity.log.columns["wheel_speed"][places.rows]
     faster = places.speed - real
     rows = [
         TableRow(
