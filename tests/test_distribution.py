@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import types
 import zipfile
@@ -22,6 +23,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from tests.connect.client.conftest import bare
 from tests.support.layers import import_graph, module_of
+from tests.support.released import problems
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src/autodrive"
@@ -60,21 +62,27 @@ def test_the_wheel_contains_the_page(tmp_path: Path) -> None:
     loaded = [part.split('"')[0] for part in index.split('="./')[1:]]
     assert any(name.endswith(".js") for name in loaded)
     assert {f"autodrive/page/{name}" for name in loaded} <= names  # all that the page loads is there
-    assert not any("node_modules" in name for name in names)
+    assert list(problems(wheel, set())) == []
 
 
-@pytest.fixture
-def hook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The build hook in a tree of its own, whose `scripts/page` fails; hatchling itself is not needed."""
-    interface = types.ModuleType("hatchling.builders.hooks.plugin.interface")
-    interface.BuildHookInterface = object  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setitem(sys.modules, interface.__name__, interface)
+def hooks(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The module `hatch_build`, with empty classes for those of hatchling."""
+    for name, kind in (("builders.hooks", "BuildHookInterface"), ("metadata", "MetadataHookInterface")):
+        interface = types.ModuleType(f"hatchling.{name}.plugin.interface")
+        setattr(interface, kind, object)
+        monkeypatch.setitem(sys.modules, interface.__name__, interface)
     spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    made = module.PageBuildHook()
+    return module
+
+
+@pytest.fixture
+def hook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The build hook in a tree of its own, whose `scripts/page` fails; hatchling itself is not needed."""
+    made = hooks(monkeypatch).PageBuildHook()
     made.root = str(tmp_path)
     (tmp_path / "scripts").mkdir()
     (tmp_path / "scripts/page").write_text("touch was-asked\nexit 1\n")
@@ -90,6 +98,67 @@ def test_a_wheel_without_its_page_is_not_built(hook: Any) -> None:
 def test_an_editable_install_builds_no_page(hook: Any) -> None:
     hook.initialize("editable", {})
     assert not Path(hook.root, "was-asked").exists()
+
+
+def test_the_links_of_the_readme_lead_to_the_repository_when_its_address_is_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = hooks(monkeypatch).ReadmeHook()
+    made.root = str(ROOT)
+    metadata: dict[str, Any] = {"version": "1.0.0", "urls": {"Repository": "https://code.example.org/lab/simulator/"}}
+    made.update(metadata)
+    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", metadata["readme"]["text"])
+    assert len(links) > 50
+    for picture, link in links:
+        if not link.startswith("#"):
+            start = f"https://code.example.org/lab/simulator/{'raw' if picture else 'blob'}/v1.0.0/"
+            assert link.startswith(start)
+            assert (ROOT / link.removeprefix(start).partition("#")[0]).exists(), link
+    made.update(unknown := {"version": "1.0.0"})
+    assert unknown["readme"] == {"content-type": "text/markdown", "text": (ROOT / "README.md").read_text()}  # pyright: ignore
+
+
+# -- the files of a release -------------------------------------------------------------------------------------
+
+
+def wheel_with(folder: Path, *names: str) -> Path:
+    """A wheel with empty files of these names."""
+    with zipfile.ZipFile(folder / "autodrive_simulator-1.0.0-py3-none-any.whl", "w") as archive:
+        for name in names:
+            archive.writestr(name, "")
+    return Path(str(archive.filename))
+
+
+def source_with(folder: Path, *names: str) -> Path:
+    """A source distribution with empty files of these names."""
+    with tarfile.open(folder / "autodrive_simulator-1.0.0.tar.gz", "w:gz") as archive:
+        for name in names:
+            archive.addfile(tarfile.TarInfo(f"autodrive_simulator-1.0.0/{name}"))
+    return Path(str(archive.name))
+
+
+def test_a_wheel_with_a_file_of_the_repository_is_refused(tmp_path: Path) -> None:
+    inside = "autodrive/__init__.py", "autodrive_simulator-1.0.0.dist-info/METADATA"
+    assert list(problems(wheel_with(tmp_path, *inside), set())) == []
+    (problem,) = problems(wheel_with(tmp_path, *inside, "tests/conftest.py"), {"tests/conftest.py"})
+    assert "contains tests/conftest.py, which is not part of the distribution" in problem
+
+
+def test_a_source_distribution_with_other_files_than_those_of_the_repository_is_refused(tmp_path: Path) -> None:
+    tracked = {"README.md", "web/index.html", "clients/python/hatch_build.py", ".ci/run", ".github/workflows/test.yml"}
+    inside = "PKG-INFO", "README.md", "web/index.html", "src/autodrive/page/index.html", "hatch_build.py", ".gitignore"
+    assert list(problems(source_with(tmp_path, *inside), tracked)) == []
+    strange = ".ci/run", ".github/workflows/test.yml", "recordings/lap.mcap", "web/node_modules/three/index.js"
+    found = list(problems(source_with(tmp_path, *inside, *strange), tracked))
+    assert [problem.split()[2].rstrip(",") for problem in found] == list(strange)
+
+
+def test_a_file_that_is_too_large_for_pypi_is_refused(tmp_path: Path) -> None:
+    wheel = wheel_with(tmp_path, "autodrive/__init__.py")
+    size = wheel.stat().st_size
+    assert list(problems(wheel, set(), size_max=size)) == []
+    (problem,) = problems(wheel, set(), size_max=size - 1)
+    assert "PyPI takes at most" in problem
 
 
 # -- install commands -------------------------------------------------------------------------------------------
