@@ -29,11 +29,13 @@ from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
 from autodrive.cli.new import new
+from autodrive.cli.parity import parity
 from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.stopping import interruptible
+from autodrive.cli.twin import twin
 from autodrive.cli.urdf import urdf
 from autodrive.cli.weather import weather
 
@@ -94,6 +96,7 @@ app.command()(race)
 app.command(cls=CampaignCommand)(campaign)
 app.command()(play)
 app.command()(deploy)
+app.command()(parity)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)
@@ -108,6 +111,7 @@ app.add_typer(tracks.importing, name="import")
 app.command()(recordings.plot)
 app.command()(recordings.compare)
 app.command()(identify)
+app.command()(twin)
 tracks.exporting.command("recording")(recordings.export)
 app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")

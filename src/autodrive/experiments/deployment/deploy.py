@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -57,6 +58,7 @@ def settings_for(vehicle: VehicleSpec, car: VehicleSpec, changes: Sequence[str] 
         "front": round(car.front, 4),
         "half_width": round(0.5 * car.size[1], 4),
         "lidar": places[1][:2],
+        "lidar_yaw": round(math.radians(car.sensors.lidar.mount.rotation_deg[2]), 6) if car.sensors.lidar else 0.0,
         "steering_limit": round(car.steering.limit, 6),
         "steering_unwinds_at_once": car.steering.unwinds_at_once,
     }
@@ -81,10 +83,7 @@ def deploy(
     folder.mkdir(parents=True, exist_ok=True)
     files = {name: (CAR / name).read_bytes() for name in NODES}
     files |= {"driver.py": DRIVER.read_bytes(), "settings.json": settings.json().encode()}
-    if Path(policy).suffix == ".onnx":
-        write_file(folder / settings.policy, onnx_policy(Path(policy)))
-    else:
-        _checked(policy).save(folder / settings.policy)
+    write_policy(policy, folder / settings.policy)
     for name, content in files.items():
         write_file(folder / name, content)
     try:
@@ -92,6 +91,14 @@ def deploy(
     except CarError as error:
         raise SpecError([str(error)]) from None
     return [folder / name for name in sorted([*files, settings.policy])]
+
+
+def write_policy(policy: str, file: Path) -> None:
+    """Write the file of a policy for a car; see `deploy`. Raises `SpecError` for a policy that no car can use."""
+    if Path(policy).suffix == ".onnx":
+        write_file(file, onnx_policy(Path(policy)))
+    else:
+        _checked(policy).save(file)
 
 
 def _checked(name: str) -> Policy:
