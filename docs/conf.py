@@ -41,36 +41,44 @@ autodoc_default_options = {"members": True, "undoc-members": False, "exclude-mem
 autodoc_use_type_comments = False
 python_display_short_literal_types = True
 
-ROOT_PAGES = {name.lower(): name for name in ("CONTRIBUTING", "ARCHITECTURE", "CONVENTIONS", "CHANGELOG")}
-"""Page -> the file at the root of the repository that it shows."""
-
+_INCLUDE = re.compile(r"```\{include\} (\S+)\n```\n")
 _LINK = re.compile(r"\[([^\]\n]+)\]\((?!https?:)([^)#\s]+)(#[^)\s]*)?\)")
 
 
-def _source(app: Sphinx, page: str, source: list[str]) -> None:
-    """Read the pages of the root from their files; replace links to files that are not in the site by file names."""
-    folder = DOCS
-    if page in ROOT_PAGES:
-        folder = ROOT
-        source[0] = (ROOT / f"{ROOT_PAGES[page]}.md").read_text(encoding="utf-8")
-        app.env.note_dependency(str(ROOT / f"{ROOT_PAGES[page]}.md"))
-    pages = {file: name for name, file in ROOT_PAGES.items()}
+def _shown() -> dict[Path, str]:
+    """Pages that show a file of the root of the repository, by this file."""
+    texts = {page: _INCLUDE.fullmatch(page.read_text(encoding="utf-8")) for page in DOCS.glob("*.md")}
+    return {(DOCS / include[1]).resolve(): page.name for page, include in texts.items() if include}
+
+
+SHOWN = _shown() | {ROOT / "README.md": "index.md"}
+
+
+def _in_site(text: str, folder: Path) -> str:
+    """The text of a file in that folder, with links to pages; links to files that are not in the site become names."""
 
     def resolved(match: re.Match[str]) -> str:
-        text, target, anchor = match.groups()
+        words, target, anchor = match.groups()
         path = (folder / target).resolve()
+        if path in SHOWN:
+            return f"[{words}]({SHOWN[path]}{anchor or '' if path.stem != 'README' else ''})"
         if path.parent == DOCS:
-            return f"[{text}]({path.name}{anchor or ''})"
-        if path == ROOT / "README.md":
-            return f"[{text}](index.md)"
-        if path.parent == ROOT and path.stem in pages:
-            return f"[{text}]({pages[path.stem]}.md)"
+            return f"[{words}]({path.name}{anchor or ''})"
         name = path.relative_to(ROOT).as_posix()
-        return f"`{name}`" if name.endswith(text.strip("`")) else f"{text} (`{name}`)"
+        return f"`{name}`" if name.endswith(words.strip("`")) else f"{words} (`{name}`)"
 
-    source[0] = _LINK.sub(resolved, source[0])
+    return _LINK.sub(resolved, text)
+
+
+def _read(app: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = _in_site(source[0], DOCS)
+
+
+def _include(app: Sphinx, path: Path, page: str, source: list[str]) -> None:
+    source[0] = _in_site(source[0], (DOCS / path).resolve().parent)
 
 
 def setup(app: Sphinx) -> None:
-    """Register the hook."""
-    app.connect("source-read", _source)
+    """Register the hooks."""
+    app.connect("source-read", _read)
+    app.connect("include-read", _include)

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import types
 import zipfile
@@ -22,6 +23,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import SimulationServer
 from tests.connect.client.conftest import bare
 from tests.support.layers import import_graph, module_of
+from tests.support.released import problems
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src/autodrive"
@@ -60,7 +62,7 @@ def test_the_wheel_contains_the_page(tmp_path: Path) -> None:
     loaded = [part.split('"')[0] for part in index.split('="./')[1:]]
     assert any(name.endswith(".js") for name in loaded)
     assert {f"autodrive/page/{name}" for name in loaded} <= names  # all that the page loads is there
-    assert not any("node_modules" in name for name in names)
+    assert list(problems(wheel, set())) == []
 
 
 @pytest.fixture
@@ -90,6 +92,49 @@ def test_a_wheel_without_its_page_is_not_built(hook: Any) -> None:
 def test_an_editable_install_builds_no_page(hook: Any) -> None:
     hook.initialize("editable", {})
     assert not Path(hook.root, "was-asked").exists()
+
+
+# -- the files of a release -------------------------------------------------------------------------------------
+
+
+def wheel_with(folder: Path, *names: str) -> Path:
+    """A wheel with empty files of these names."""
+    with zipfile.ZipFile(folder / "autodrive_simulator-1.0.0-py3-none-any.whl", "w") as archive:
+        for name in names:
+            archive.writestr(name, "")
+    return Path(str(archive.filename))
+
+
+def source_with(folder: Path, *names: str) -> Path:
+    """A source distribution with empty files of these names."""
+    with tarfile.open(folder / "autodrive_simulator-1.0.0.tar.gz", "w:gz") as archive:
+        for name in names:
+            archive.addfile(tarfile.TarInfo(f"autodrive_simulator-1.0.0/{name}"))
+    return Path(str(archive.name))
+
+
+def test_a_wheel_with_a_file_of_the_repository_is_refused(tmp_path: Path) -> None:
+    inside = "autodrive/__init__.py", "autodrive_simulator-1.0.0.dist-info/METADATA"
+    assert list(problems(wheel_with(tmp_path, *inside), set())) == []
+    (problem,) = problems(wheel_with(tmp_path, *inside, "tests/conftest.py"), {"tests/conftest.py"})
+    assert "contains tests/conftest.py, which is not part of the distribution" in problem
+
+
+def test_a_source_distribution_with_other_files_than_those_of_the_repository_is_refused(tmp_path: Path) -> None:
+    tracked = {"README.md", "web/index.html", "clients/python/hatch_build.py", ".ci/run", ".github/workflows/test.yml"}
+    inside = "PKG-INFO", "README.md", "web/index.html", "src/autodrive/page/index.html", "hatch_build.py", ".gitignore"
+    assert list(problems(source_with(tmp_path, *inside), tracked)) == []
+    strange = ".ci/run", ".github/workflows/test.yml", "recordings/lap.mcap", "web/node_modules/three/index.js"
+    found = list(problems(source_with(tmp_path, *inside, *strange), tracked))
+    assert [problem.split()[2].rstrip(",") for problem in found] == list(strange)
+
+
+def test_a_file_that_is_too_large_for_pypi_is_refused(tmp_path: Path) -> None:
+    wheel = wheel_with(tmp_path, "autodrive/__init__.py")
+    size = wheel.stat().st_size
+    assert list(problems(wheel, set(), size_max=size)) == []
+    (problem,) = problems(wheel, set(), size_max=size - 1)
+    assert "PyPI takes at most" in problem
 
 
 # -- install commands -------------------------------------------------------------------------------------------

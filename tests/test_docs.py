@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import autodrive.devkit
+from autodrive.base import jit
 from autodrive.experiments.policies import Policy
 from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.camera.imperfections import PRESETS
@@ -197,15 +198,31 @@ def test_table_of_pinholes_is_right(fit: str, vertical: str, horizontal: str, fx
     assert 2.0 * math.degrees(math.atan(320.0 / k.fx)) == pytest.approx(float(horizontal), abs=0.0051)
 
 
-def test_the_camera_program_of_the_document_runs(gl: str) -> None:
-    names = run("vehicle.md")
+def test_the_programs_of_the_document_on_vehicles_run(gl: str) -> None:
+    names = run("vehicle.md", 2)
+    car = names["frame"].vehicles["V1"]
+    assert car.velocity[0] == pytest.approx(0.3)
+    assert car.steering == pytest.approx(0.2 * math.radians(30.0), rel=1e-6)  # 0.3 s of a lag of 20 ms
     assert names["image"].rgb.shape == (480, 640, 3)
+
+
+def test_the_programs_of_the_python_library_do_what_they_say(gl: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("python.md", 7)
+    assert names["image"].rgb.shape == (480, 640, 3)
+    bumper = names["world"].frame.vehicles["V1"]
+    assert bumper.collision_count == 0
+    right, ahead, left = names["ends"]
+    assert right < ahead - 0.05 < ahead + 0.05 < left
+    # the throttle rises from world to world, and the cars start towards x
+    assert (np.diff(names["readings"].position[:, 0, 0]) > 0.0).all()
+    assert np.isfinite(names["result"][1]).all()
+    assert "200 ticks" in capsys.readouterr().out
 
 
 def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Any] = []
     monkeypatch.setattr(autodrive.devkit, "drive", lambda step, *things: given.extend((step, *things)))
-    run("python.md")
+    run("devkit_python.md")
     step, nigel = given
     nigel.parse_data({"V1 LIDAR Range Array": "0.2 3.0"})
     step()
@@ -213,7 +230,7 @@ def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_devkit_document_names_what_a_vehicle_has() -> None:
-    document = (DOCS / "python.md").read_text()
+    document = (DOCS / "devkit_python.md").read_text()
     names = {name for name in vars(autodrive.devkit.Nigel()) if not name.startswith("_")} - {"id"}
     assert not {name for name in names if f"`{name}`" not in document}
 
@@ -239,3 +256,38 @@ def test_a_figure_of_speed_is_that_of_the_page_on_performance() -> None:
     assert ("23", "us") in quoted["README.md"] & quoted["tracks.md"]
     measured = speeds(performance, f"{UNITS}|ms")
     assert {name: figures - measured for name, figures in quoted.items() if figures - measured} == {}
+
+
+FIRST_START = "10 s on a fast machine, two minutes on a slow one"
+
+
+def test_the_duration_of_the_first_start_is_that_of_its_message() -> None:
+    assert jit.DURATION == FIRST_START
+    words = FIRST_START.replace(",", " and")
+    for file in ("README.md", "docs/install.md", "examples/notebook/first_steps.ipynb"):
+        assert words in " ".join((DOCS.parent / file).read_text(encoding="utf-8").split()), file
+
+
+@pytest.mark.parametrize(
+    ("place", "figure", "quotes"),
+    [
+        (
+            "docs/performance.md",
+            r"download of a default install \| (\d+) MB",
+            {
+                "scripts/setup": r"packages of the simulator \(about (\d+) MB",
+                "docs/install.md": r"others, about (\d+) MB",
+                "docs/comparison.md": r"about (\d+) MB of Python packages",
+            },
+        ),
+        ("scripts/test", r"in about (\w+) minutes", {"README.md": r"--quick takes about (\w+) minutes"}),
+    ],
+)
+def test_a_figure_in_several_places_is_the_same(place: str, figure: str, quotes: dict[str, str]) -> None:
+    def said(file: str, pattern: str) -> list[str]:
+        return re.findall(pattern, (DOCS.parent / file).read_text(encoding="utf-8"))
+
+    (value,) = said(place, figure)
+    rounded = f"{round(int(value), -1)}" if value.isdigit() else value
+    for file, pattern in quotes.items():
+        assert said(file, pattern) == [rounded], file

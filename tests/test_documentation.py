@@ -43,6 +43,38 @@ def test_links_lead_to_files_and_headings() -> None:
     assert wrong == []
 
 
+SHOWS_ROOT = "```{include} ../"
+"""Beginning of a page that shows a file of the root of the repository."""
+
+
+def pages() -> list[Path]:
+    """The pages with a text of their own."""
+    return [page for page in sorted((ROOT / "docs").glob("*.md")) if not page.read_text().startswith(SHOWS_ROOT)]
+
+
+def test_each_page_begins_with_what_the_reader_can_do() -> None:
+    """A sentence, not a table, a heading or a block of code."""
+    assert len(pages()) > 40
+    for page in pages():
+        heading, empty, first = page.read_text(encoding="utf-8").splitlines()[:3]
+        assert heading.startswith("# "), page.name
+        assert not empty, page.name
+        assert re.match(r"[A-Z][a-z]*,? \w", first.replace("`", "").replace("[", "")), f"{page.name}: {first}"
+
+
+def test_each_page_is_in_the_table_of_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## Documentation\n")[2]
+    linked = set(re.findall(r"\]\(docs/(\w+\.md)\)", readme))
+    assert linked == {page.name for page in pages()} - {"index.md"}
+
+
+def test_each_example_is_on_the_page_of_examples() -> None:
+    text = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
+    linked = {path for path in re.findall(r"\]\(\.\./([\w/.]+)\)", text) if (ROOT / path).is_file()}
+    kinds = "examples/*/*.py", "examples/*/*.yaml", "examples/*/*.ipynb", "clients/cpp/examples/*.cpp"
+    assert linked == {str(path.relative_to(ROOT)) for kind in kinds for path in ROOT.glob(kind)}
+
+
 @pytest.mark.slow
 @pytest.mark.process
 def test_the_site_builds_without_warnings_and_names_all_that_is_public(tmp_path: Path) -> None:
@@ -70,9 +102,10 @@ def test_the_programs_pass_a_strict_type_checker(tmp_path: Path) -> None:
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
         programs = re.findall(r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
         if programs and path.stem not in NOT_ANNOTATED:
-            # some imports are for the text that follows; the overloads of numpy are not complete
-            rules = "" if path.stem == "README" else ", reportUnusedImport=false, reportUnknownArgumentType=false"
-            (tmp_path / f"{path.stem}.py").write_text(f"# pyright: strict{rules}\n" + "\n".join(programs))
+            # some imports are for the text that follows, or are in two programs; overloads of numpy are not complete
+            lenient = ["reportUnusedImport", "reportDuplicateImport", "reportUnknownArgumentType"]
+            rules = ", ".join(["strict", *(f"{rule}=false" for rule in lenient if path.stem != "README")])
+            (tmp_path / f"{path.stem}.py").write_text(f"# pyright: {rules}\n" + "\n".join(programs))
     assert len([*tmp_path.iterdir()]) > 15
     done = subprocess.run(
         [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, tmp_path],

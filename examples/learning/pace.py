@@ -98,7 +98,7 @@ def drive(policy: Policy, tracks: dict[str, Any], seed: int, minutes: float) -> 
         new = int(is_over.sum())
         number[is_over], count = count + np.arange(new), count + new
         slowness[is_over], began[is_over] = rng.uniform(*SLOWNESS, new), step
-        drawn = np.column_stack([envs.drawn, slowness])
+        drawn = np.column_stack([envs.drawn[:, :4], slowness])  # friction, mass, noise, latency
         if step % STRIDE == 0:
             felt.append(np.float32(memory.inputs))
             conditions.append(drawn)

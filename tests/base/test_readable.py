@@ -13,7 +13,7 @@ from autodrive.base import python_files, yaml_files
 from autodrive.base.readable import reading_only
 from autodrive.experiments.policies import Policy
 from autodrive.recording import open as open_recording
-from autodrive.recording.exports import recorder_layout
+from autodrive.recording.drives import recorder_log
 from autodrive.scenario import kinds
 from autodrive.scenario.tracks.image import read_grey
 from autodrive.scenario.tracks.importer import import_track
@@ -23,7 +23,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "Python": lambda path: python_files.load(path, "Sensor"),
     "policy": Policy.load,
     "recording": open_recording,
-    "log": recorder_layout.read,
+    "log": recorder_log.read,
     "image": read_grey,
     "centre line": lambda path: import_track(path.parent),
 }

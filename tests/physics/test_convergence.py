@@ -22,7 +22,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "vehicle.md"
 TABLE = cells(DOCUMENT.read_text(encoding="utf-8"), "| vehicle | longest stable substep |")
 RACE_CARS = ("roboracer", "roboracer_physical", "roboracer_f1tenth", "neoracer")
 FINE = 0.00003125
-EACH = pytest.mark.parametrize("vehicle", names("vehicle"))
+EACH = pytest.mark.parametrize("vehicle", [name for name in names("vehicle") if f"`{name}`" in TABLE])
 
 
 def world_of(vehicle: str, substep: float) -> World:

@@ -9,6 +9,7 @@ import pytest
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
 from autodrive.physics.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
+from autodrive.physics.actuators.steering import SteeringSpec
 from autodrive.physics.sensors.camera.camera import CameraSpec
 from autodrive.physics.sensors.lidar.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
@@ -16,6 +17,7 @@ from autodrive.physics.sensors.sensor import Mount
 from autodrive.scenario.vehicles.spec import AxlesSpec, WheelSpec, load_vehicle
 
 CAR = load_vehicle("roboracer_f1tenth")
+TORQUE = CAR.drivetrain.model_dump() | {"control": "torque", "torque_curve": ()}
 CAMERA = {"mount": Mount(), "width": 640, "height": 480, "field_of_view_deg": 41.669}
 
 
@@ -47,6 +49,12 @@ CAMERA = {"mount": Mount(), "width": 640, "height": 480, "field_of_view_deg": 41
         (DifferentialSpec, {"kind": "locked", "preload": 1}, "are only for kind: limited_slip"),
         (DifferentialSpec, {"kind": "limited_slip"}, "needs preload or bias above 0"),
         (DrivetrainSpec, CAR.drivetrain.model_dump() | {"torque_curve": [[0, 1], [0, 0.5]]}, "rising speeds"),
+        (DrivetrainSpec, CAR.drivetrain.model_dump() | {"throttle_curve": [[0, 0], [1, 1]]}, "throttle_curve is for"),
+        (DrivetrainSpec, TORQUE | {"throttle_curve": [[0.5, 0], [0.5, 1]]}, "with rising throttle"),
+        (DrivetrainSpec, TORQUE | {"speed_gain": 0.9}, "are for control: speed"),
+        (DrivetrainSpec, TORQUE | {"control": "voltage", "torque_curve": [[0, 1], [9, 0]]}, "the torque falls"),
+        (SteeringSpec, CAR.steering.model_dump() | {"curve": [[0, 5], [1, 4]]}, "angles that do not fall"),
+        (SteeringSpec, CAR.steering.model_dump() | {"command_limits": [0.5, 0.5]}, "must be smaller"),
         (WheelSpec, dict(CAR.wheels) | {"forward_friction": None, "magic_formula": None}, "or magic_formula alone"),
     ],
 )

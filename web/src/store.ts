@@ -180,6 +180,8 @@ export class Store {
   readonly frameRate = new Observable(0)
   /** The Scene of the latest image of the 3D view. */
   readonly shownScene = new Observable<Scene | null>(null)
+  /** How much of the present Scene has been loaded [bytes]. */
+  readonly sceneBytes = new Observable(0)
   /** Changes with each image of the 3D view, after its cameras have moved. */
   readonly imageCount = new Observable(0)
 

@@ -1,6 +1,7 @@
 import { beforeEach, describe, expect, test, vi } from 'vitest'
 
 import { Actions } from '../src/actions'
+import type { Plan } from '../src/messages'
 import { banner } from '../src/panels/banner'
 import { h } from '../src/panels/element'
 import { start } from '../src/panels/start'
@@ -154,7 +155,7 @@ describe('the start screen', () => {
     socket.respond('out of memory')
     await settle()
     expect(store.error.value).toBe('Out of memory.')
-    expect(get('still-text').hidden).toBe(true)
+    expect(get('still').dataset.name).toBe('traffic')
   })
 
   test('is not shown again after it was closed, for a link that names something, or if a scenario was chosen', () => {
@@ -200,7 +201,18 @@ describe('the start screen', () => {
   })
 })
 
-test('a scenario without a still picture shows none', () => {
+test('a scenario without a still picture shows its floor plan while the scene is loaded', async () => {
   expect(stillOf('traffic')).toContain('traffic')
   expect(stillOf('folder/mine.yaml')).toBeNull()
+  const { store, socket } = page()
+  ready(socket)
+  const plan: Plan = { image: 'scene/plan.png', bounds: [0, 0, 1, 1] }
+  socket.receive({ ...sceneOf(['V1'], 'folder/mine.yaml'), title: 'My town', plan })
+  await settle()
+  store.sceneBytes.value = 1_440_000
+  expect(get('still').hidden).toBe(false)
+  expect(get('still').style.backgroundImage).toContain('scene/plan.png')
+  expect(get('still-text').textContent).toBe('Loading My town… 1.4 MB')
+  store.shownScene.value = store.scene.value
+  expect(get('still').hidden).toBe(true)
 })

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b")
+MARK = "#888"
+"""Colour of the lines that mark times."""
 WIDTH, HEIGHT, LEFT, RIGHT, TOP = 900, 190, 80, 170, 26
 """Size of a panel, and its margins [pixels]."""
 COLUMNS = 1600
@@ -68,6 +70,8 @@ class Curves(NamedTuple):
     """Values of each curve, shape (n,); what is not finite is not drawn."""
     names: Sequence[str]
     """Name of each curve."""
+    marks: Sequence[float] = ()
+    """Times that a vertical line marks [s]."""
 
 
 def panels_over_time(panels: Sequence[str], height: float) -> str:
@@ -90,6 +94,11 @@ def panel(curves: Curves, above: float, start: float, end: float) -> str:
         parts.append(f'<path d="M{LEFT} {y(value):.1f}H{WIDTH - RIGHT}" stroke="#ddd"/>')
         parts.append(text(LEFT - 6, y(value) + 4, f"{value:.4g}", "end"))
         parts.append(text(x(time), bottom + 14, f"{time:.4g}", "middle"))
+    parts += [
+        f'<path d="M{x(mark):.1f} {top}V{bottom}" stroke="{MARK}" stroke-dasharray="3 3"/>'
+        for mark in curves.marks
+        if start <= mark <= end
+    ]
     for i, (label, column) in enumerate(zip(curves.names, curves.columns, strict=False)):
         parts += (curve(x(curves.times), y(column), i), legend(label, top, i))
     return "".join(parts)

@@ -24,6 +24,7 @@ from autodrive.base.version import __version__
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.campaign import CampaignCommand, campaign
 from autodrive.cli.compiled import compile_
+from autodrive.cli.deploy import deploy
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
@@ -92,6 +93,7 @@ app.command()(run)
 app.command()(race)
 app.command(cls=CampaignCommand)(campaign)
 app.command()(play)
+app.command()(deploy)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)

@@ -6,7 +6,21 @@ from pathlib import Path
 
 import typer
 
-from autodrive.cli.options import Force, RecordingOrLog, Steering, check_end, check_outputs, option
+from autodrive.cli.options import (
+    ClockOffset,
+    Columns,
+    Force,
+    HeadingOffset,
+    RecordingOrLog,
+    Run,
+    Steering,
+    TrackedPoint,
+    check_end,
+    check_outputs,
+    option,
+    point,
+)
+from autodrive.cli.recordings import show_problems
 
 
 def identify(
@@ -19,6 +33,11 @@ def identify(
     ),
     name: str = option("Vehicle of the recording.  [default: the first]", "", metavar="NAME"),
     steering: Steering = "left",
+    columns: Columns = "",
+    run: Run = "",
+    tracked_point: TrackedPoint = "0,0",
+    heading_offset: HeadingOffset = 0.0,
+    clock_offset: ClockOffset = 0.0,
     output: Path | None = option(
         "Vehicle file to write.  [default: VEHICLE_fitted.yaml]", None, "--output", "-o", metavar="FILE"
     ),
@@ -33,6 +52,8 @@ def identify(
 ) -> None:
     """Fit parameters of a vehicle to a recorded drive; write the vehicle as a file, and a plot."""
     from autodrive.experiments.identification import identify as fit
+    from autodrive.experiments.identification import read_drive
+    from autodrive.recording.drives import LogOptions
     from autodrive.recording.plot import check_suffix
 
     output = output or Path(f"{Path(vehicle).stem}_fitted.yaml")
@@ -41,12 +62,21 @@ def identify(
     check_end("--output", output, ".yaml", ".yml")
     check_outputs(output, picture, is_forced=force)
     wanted = [path.strip() for path in free.split(",") if path.strip()]
+    options = LogOptions(
+        name=name,
+        run=run,
+        is_left_positive=steering == "left",
+        columns=columns,
+        tracked_point=point(tracked_point, "--tracked-point"),
+        heading_offset=heading_offset,
+        clock_offset=clock_offset,
+    )
+    drive = read_drive(file, options=options)
+    show_problems(drive)
     fitted = fit(
-        file,
+        drive,
         vehicle,
         wanted,
-        name=name,
-        is_left_positive=steering == "left",
         trials=trials,
         seed=seed,
         window=window,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections.abc import Mapping
 from datetime import datetime
@@ -19,9 +20,32 @@ Options = TypeVar("Options")
 
 RecordingFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")]
 RecordingOrLog: TypeAlias = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A recording (.mcap), or a log of AutoDRIVE's data recorder (.csv).")
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        help="A recording (.mcap), a log of AutoDRIVE's data recorder, or a table with a header (.csv, .csv.gz).",
+    ),
 ]
 Steering: TypeAlias = Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")]
+Columns: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=COLUMN,...",
+        help="Columns of a table: time, x, y, yaw, speed, yaw_rate, throttle, steering, steering_angle, safety, "
+        "command_time, run. With unit, scale and constant: yaw=psi [deg], throttle=u*0.01-0.2",
+    ),
+]
+Run: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="Only this run of a table.  [default: all]")]
+TrackedPoint: TypeAlias = Annotated[
+    str,
+    typer.Option(metavar="X,Y", help="Measured point of the car, forward and left of the centre of the rear axle [m]."),
+]
+HeadingOffset: TypeAlias = Annotated[
+    float, typer.Option(metavar="RAD", help="Angle that is added to the yaw of a log, so that it is the heading.")
+]
+ClockOffset: TypeAlias = Annotated[
+    float, typer.Option(metavar="S", help="Time that is added to the times of the commands of a log.")
+]
 Record: TypeAlias = Annotated[
     Path | None,
     typer.Option(metavar="FILE.mcap", help="Record the whole run in that file; see: autodrive replay --help."),
@@ -76,6 +100,17 @@ def filled(options: type[Options], arguments: Mapping[str, Any], **converted: An
     """The options of a command: its arguments, for the fields with their names, and those that it has converted."""
     names = {field.name for field in dataclasses.fields(options)}  # pyright: ignore[reportArgumentType]
     return options(**{name: value for name, value in arguments.items() if name in names} | converted)
+
+
+def point(text: str, name: str) -> tuple[float, float]:
+    """The two numbers of an option such as '0.15,-0.01'. Raises `BadParameter`."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{name} must be two numbers such as 0.15,-0.01, not '{text}'") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"{name} must be two finite numbers, not '{text}'")
+    return x, y
 
 
 def check_end(option: str, file: Path | None, *ends: str) -> None:

@@ -11,10 +11,24 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import typer
 from typer.core import TyperGroup
 
-from autodrive.cli.options import Force, RecordingFile, RecordingOrLog, Steering, check_outputs, option
+from autodrive.cli.options import (
+    ClockOffset,
+    Columns,
+    Force,
+    HeadingOffset,
+    RecordingFile,
+    RecordingOrLog,
+    Run,
+    Steering,
+    TrackedPoint,
+    check_outputs,
+    option,
+    point,
+)
 
 if TYPE_CHECKING:
     from autodrive.recording import Recording
+    from autodrive.recording.drives import Drive
 
 
 class ExportGroup(TyperGroup):
@@ -119,25 +133,57 @@ def compare(
     vehicle: str = option("Vehicle of the recording.  [default: the first]", "", metavar="NAME"),
     type_: str = option("Name or file of another type of that vehicle.", "", "--type", metavar="NAME"),
     steering: Steering = "left",
+    columns: Columns = "",
+    run: Run = "",
+    tracked_point: TrackedPoint = "0,0",
+    heading_offset: HeadingOffset = 0.0,
+    clock_offset: ClockOffset = 0.0,
     output: Path | None = option("Draw paths and errors as PNG or SVG file.", None, "--output", "-o", metavar="FILE"),
     force: Force = False,
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
-    from autodrive.recording.exports.comparison import compare_log, compare_recording
-    from autodrive.recording.exports.recorder_layout import read
+    from autodrive.recording.drives import LogOptions, read_drives
+    from autodrive.recording.drives.reading import is_recorder_log
+    from autodrive.recording.drives.recorder_log import read
+    from autodrive.recording.exports.comparison import compare_drive, compare_log, compare_recording
     from autodrive.recording.plot import check_suffix
 
     if output is not None:
         check_suffix(output)
         check_outputs(output, is_forced=force)
-    if file.suffix.lower() == ".csv":
-        if vehicle:
-            raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
-        comparison = compare_log(read(file, is_left_positive=steering == "left"), scenario, type_=type_)
-    else:
+    if file.suffix.lower() == ".mcap":
         with _opened(file) as recording:
-            comparison = compare_recording(recording, vehicle, scenario, type_=type_)
-    typer.echo(comparison.table())
-    if output is not None:
-        comparison.plot(output)
-        typer.echo(f"wrote {output}")
+            comparisons = {"": compare_recording(recording, vehicle, scenario, type_=type_)}
+    elif vehicle:
+        raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
+    elif not (columns or run) and is_recorder_log(file):
+        log = read(file, is_left_positive=steering == "left")
+        comparisons = {"": compare_log(log, scenario, type_=type_)}
+    else:
+        options = LogOptions(
+            run=run,
+            is_left_positive=steering == "left",
+            columns=columns,
+            tracked_point=point(tracked_point, "--tracked-point"),
+            heading_offset=heading_offset,
+            clock_offset=clock_offset,
+        )
+        drives = read_drives(file, options)
+        if output is not None and drives[1:]:
+            raise typer.BadParameter(f"--output draws one run; the table has {len(drives)}: choose with --run NAME")
+        for drive in drives:
+            show_problems(drive)
+        comparisons = {drive.source: compare_drive(drive, scenario, type_=type_) for drive in drives}
+    for source, comparison in comparisons.items():
+        if comparisons.keys() - {source}:
+            typer.echo(source)
+        typer.echo(comparison.table())
+        if output is not None:
+            comparison.plot(output)
+            typer.echo(f"wrote {output}")
+
+
+def show_problems(drive: Drive) -> None:
+    """Print what is wrong in a log."""
+    for text in drive.problem_texts():
+        typer.echo(f"autodrive: {text}  ({drive.source})", err=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from autodrive.base.jit import inlined
 from autodrive.physics import wheel
-from autodrive.physics.actuators import drivetrain, steering
+from autodrive.physics.actuators import curve, drivetrain, steering
 
 
 def _compiled(source: types.ModuleType) -> dict[str, Any]:
@@ -20,7 +20,7 @@ def _compiled(source: types.ModuleType) -> dict[str, Any]:
     return compiled
 
 
-_functions = {**_compiled(wheel), **_compiled(drivetrain), **_compiled(steering)}
+_functions = {**_compiled(wheel), **_compiled(drivetrain), **_compiled(steering), **_compiled(curve)}
 
 ackermann_angle = _functions["ackermann_angle"]
 bounded_slip = _functions["bounded_slip"]
@@ -30,6 +30,7 @@ cornering_stiffness = _functions["cornering_stiffness"]
 drive_level = _functions["drive_level"]
 drive_target = _functions["drive_target"]
 drive_torque_limit = _functions["drive_torque_limit"]
+interpolated = _functions["interpolated"]
 lagged_slip = _functions["lagged_slip"]
 magic_stiffness = _functions["magic_stiffness"]
 motor_torque = _functions["motor_torque"]

@@ -17,8 +17,8 @@ from autodrive.base.arrays import Floats, Integers
 SPHERE, CYLINDER, BOX = 2, 5, 6
 """Kinds of shapes, numbered as in MuJoCo (mjtGeom)."""
 
-CURVE_POINTS = 8
-"""Most points of a torque curve."""
+CURVE_POINTS = 9
+"""Most points of a curve of an actuator."""
 
 COVER = 3
 """Number of small spheres that together cover the colliders of a vehicle."""
@@ -49,23 +49,36 @@ VEHICLE = columns(
     chassis_low=(np.float64, 3),  # lowest corner of the box around the colliders that the floor stops [m]
     chassis_high=(np.float64, 3),  # its highest corner, both in the vehicle frame [m]
     wheelbase=np.float64,  # [m]
-    steering_limit=np.float64,  # [rad]
+    steering_limit=np.float64,  # angle that the command 1 asks for [rad]
+    command_limits=(np.float64, 2),  # of the steering, right and left
+    steering_curve_points=np.int64,  # 0: the angle of the wheels is that of the servo
+    steering_curve_servo=(np.float64, CURVE_POINTS),  # angle of the servo [rad]
+    steering_curve_angle=(np.float64, CURVE_POINTS),  # angle of the wheels, with offset and trim [rad]
     steering_rate_limit=np.float64,  # [rad/s], or infinity
     steering_unwinds_at_once=np.bool_,
     steering_response=np.float64,  # 1 - exp(-dt / time constant)
     steering_delay=np.int64,  # [substeps]
     drive_is_speed_controlled=np.bool_,
+    drive_is_voltage_controlled=np.bool_,
+    drive_coasts=np.bool_,  # zero throttle does not brake
+    drive_has_reverse=np.bool_,
     drive_speed_limit=np.float64,  # [rad/s]
+    drive_speed_gain=np.float64,  # of the target speed
+    drive_speed_offset=np.float64,  # of the target speed [rad/s]
     drive_torque_limit=np.float64,  # of each driven wheel [N m]
     torque_curve_points=np.int64,  # 0: the torque limit holds at any speed
     torque_curve_speed=(np.float64, CURVE_POINTS),  # of the wheels [rad/s]
     torque_curve_share=(np.float64, CURVE_POINTS),  # of the torque limit
+    throttle_curve_points=np.int64,  # 0: the torque is proportional to the throttle
+    throttle_curve_throttle=(np.float64, CURVE_POINTS),
+    throttle_curve_share=(np.float64, CURVE_POINTS),  # of the torque limit
     has_differentials=np.bool_,  # any that is not open
     front_differential=(np.float64, 2),  # largest torque between its outputs: constant [N m], per drive torque
     centre_differential=(np.float64, 2),  # of the one between the axles: constant [N m], per drive torque
     rear_differential=(np.float64, 2),  # as front_differential
     drive_servo_gain=np.float64,  # [N m s/rad]
     drive_response=np.float64,  # 1 - exp(-dt / time constant)
+    drive_rate_limit=np.float64,  # [1/s], or infinity
     drive_delay=np.int64,  # [substeps]
     brake_torque=np.float64,  # of each braked wheel [N m]
 )
@@ -80,6 +93,7 @@ WHEEL = columns(
     inertia=np.float64,  # about the axle [kg m^2]
     damping_rate=np.float64,  # [N m s/rad]
     rolling_resistance=np.float64,  # per load, besides the damping
+    steering_resistance=np.float64,  # per load and angle of the wheel, besides that [1/rad]
     sprung_mass=np.float64,  # [kg]
     force_height=np.float64,  # of the point where the ground's force acts, above the base of the wheel [m]
     stiffness=np.float64,  # of the suspension [N/m]

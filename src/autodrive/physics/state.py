@@ -52,8 +52,10 @@ class State(NamedTuple):
     """First-order response of the drive to that command [-1, 1], shape (n,)."""
     steering_target: Floats
     """Steering command after the dead time of the servo, as an angle [rad], shape (n,)."""
+    servo_angle: Floats
+    """Angle of the servo, left positive: the command that it has reached, as an angle [rad], shape (n,)."""
     steering_angle: Floats
-    """Angle of the steering actuator, left positive [rad], shape (n,)."""
+    """Steering angle at the middle of the steered axle, left positive, behind the linkage [rad], shape (n,)."""
     throttle_queue: Floats
     """Throttle commands of the last substeps (ring buffer), shape (n, longest delay + 1)."""
     steering_queue: Floats
@@ -103,7 +105,7 @@ def empty_state(model: Model, n_body: int) -> State:
         **{f"vehicle_{name}": (n, 3) for name in ("position", "velocity", "angular_velocity", "acceleration")},
         "vehicle_angular_acceleration": (n, 3),
         "vehicle_orientation": (n, 4),
-        **dict.fromkeys(("throttle", "drive_level", "steering_target", "steering_angle"), (n,)),
+        **dict.fromkeys(("throttle", "drive_level", "steering_target", "servo_angle", "steering_angle"), (n,)),
         "throttle_queue": (n, queue),
         "steering_queue": (n, queue),
         "wheel_force": (4 * n, 2),

@@ -18,7 +18,7 @@ from autodrive.physics.buffers import Scratch, VehicleContacts
 from autodrive.physics.clearance import MARGIN, can_any_touch, find_nearby, path
 from autodrive.physics.engine import AWAKE, Views, has_diverged, load, look_ahead, mj_step1, mj_step2
 from autodrive.physics.engine_contacts import note_contacts, prepare_contacts
-from autodrive.physics.formulas import drive_level, steered
+from autodrive.physics.formulas import drive_level, interpolated, steered
 from autodrive.physics.free_body import rotated, rotation_at, step_free_body
 from autodrive.physics.model import Model
 from autodrive.physics.near import forget, hold_near
@@ -68,7 +68,7 @@ def advance(
             if scratch.horizon[i] <= MARGIN:
                 find_nearby(i, model, state, scratch, duration)
             angle = state.steering_angle[i]
-            _actuate(i, model, state, throttle[i], steering[i], k)
+            actuate(i, model, state, throttle[i], steering[i], k)
             if k == first or state.steering_angle[i] != angle:  # it is often constant
                 steer_wheels(i, model, state)
             apply_forces(i, rotation_at(state.qpos, v["qpos"] + 3), model, state, scratch)
@@ -199,23 +199,36 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
 
 
 @inlined
-def _actuate(i: int, model: Model, state: State, throttle: float, steering: float, k: int) -> None:
+def actuate(i: int, model: Model, state: State, throttle: float, steering: float, k: int) -> None:
     """Delays the commands by the dead times; the servo and the drive follow the delayed commands."""
     v = model.vehicles[i]
     length = state.throttle_queue.shape[1]
-    state.throttle_queue[i, k % length] = throttle
-    state.steering_queue[i, k % length] = steering * v["steering_limit"]
+    lowest, highest = v["command_limits"][0], v["command_limits"][1]
+    state.throttle_queue[i, k % length] = throttle if v["drive_has_reverse"] else max(throttle, 0.0)
+    state.steering_queue[i, k % length] = max(lowest, min(highest, steering)) * v["steering_limit"]
     state.throttle[i] = state.throttle_queue[i, (k - v["drive_delay"]) % length]
     state.steering_target[i] = state.steering_queue[i, (k - v["steering_delay"]) % length]
-    state.drive_level[i] = drive_level(state.drive_level[i], state.throttle[i], v["drive_response"])
-    state.steering_angle[i] = steered(
-        state.steering_angle[i],
+    state.drive_level[i] = drive_level(
+        state.drive_level[i],
+        state.throttle[i],
+        v["drive_response"],
+        v["drive_rate_limit"],
+        v["drive_coasts"],
+        model.dt,
+    )
+    servo = steered(
+        state.servo_angle[i],
         state.steering_target[i],
         v["steering_response"],
         v["steering_rate_limit"],
         v["steering_unwinds_at_once"],
         model.dt,
     )
+    state.servo_angle[i] = state.steering_angle[i] = servo
+    if v["steering_curve_points"] > 0:
+        state.steering_angle[i] = interpolated(
+            v["steering_curve_points"], v["steering_curve_servo"], v["steering_curve_angle"], servo
+        )
 
 
 @inlined

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 from autodrive.base.arrays import Floats
@@ -18,6 +18,7 @@ from autodrive.physics.formulas import (
     cornering_stiffness,
     drive_target,
     drive_torque_limit,
+    interpolated,
     lagged_slip,
     magic_stiffness,
     motor_torque,
@@ -59,7 +60,8 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
     v = model.vehicles[i]
     dt = model.dt
     turn = angular_velocity(state, rotation, v["dof"])
-    is_braking = state.throttle[i] == 0.0
+    is_braking = state.throttle[i] == 0.0 and not v["drive_coasts"]
+    is_off = is_braking or (state.throttle[i] == 0.0 and v["drive_is_speed_controlled"])
     # 1. The contact of each wheel, and the spin that it would have without drive and brake. Its tyre force is taken as
     # linear in the spin, so that the spin is the solution of an implicit step; `gain` is the spin per torque.
     driven, sum_coasting, sum_gain = 0, 0.0, 0.0
@@ -90,8 +92,8 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
     # 2. The torque of the motor, which the differentials share out; without them all driven wheels get the same.
     torque = 0.0
     if v["has_differentials"]:
-        _turn_shafts(i, is_braking, model, state, scratch)
-    elif not is_braking:
+        _turn_shafts(i, is_off, model, state, scratch)
+    elif not is_off:
         torque = _motor_torque(v, state.drive_level[i], sum_coasting / driven, sum_gain / driven)
     _apply_drag(v, rotation, turn, state, scratch.applied)
     # 3. The new spin of each wheel, with drive, brake and rolling resistance, and the force at that spin.
@@ -104,9 +106,11 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
             spin += contact["spin_gain"] * torque
         if is_braking and wheel["is_braked"]:
             spin = braked_spin(spin, v["brake_torque"], contact["spin_gain"])
-        if wheel["rolling_resistance"] > 0.0:
-            resistance = wheel["rolling_resistance"] * contact["load"] * wheel["radius"]
-            spin = braked_spin(spin, resistance, contact["spin_gain"])
+        coefficient = wheel["rolling_resistance"]
+        if wheel["steering_resistance"] > 0.0:
+            coefficient += wheel["steering_resistance"] * abs(state.wheel_steering_angle[row])
+        if coefficient > 0.0:
+            spin = braked_spin(spin, coefficient * contact["load"] * wheel["radius"], contact["spin_gain"])
         state.wheel_angular_velocity[row] = spin
         state.wheel_rotation[row] += spin * dt
         _apply_wheel_force(i, w, is_braking and wheel["is_braked"], rotation, model, state, scratch)
@@ -115,33 +119,31 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
 @inlined
 def _motor_torque(v: Any, level: float, coasting: float, gain: float) -> float:
     """Torque at each driven wheel [N m] at that drive level; `coasting` and `gain`: means of the driven wheels."""
-    limit = drive_torque_limit(level, v["drive_is_speed_controlled"], v["drive_torque_limit"])
-    if v["torque_curve_points"] > 0 and coasting * level > 0.0:
-        limit *= _torque_share(v, abs(coasting))
-    return motor_torque(
-        coasting,
-        gain,
-        drive_target(level, v["drive_is_speed_controlled"], v["drive_speed_limit"]),
-        v["drive_servo_gain"],
-        limit,
+    share = abs(level)
+    if v["throttle_curve_points"] > 0:
+        share = interpolated(
+            v["throttle_curve_points"], v["throttle_curve_throttle"], v["throttle_curve_share"], abs(level)
+        )
+    limit = drive_torque_limit(share, v["drive_is_speed_controlled"], v["drive_torque_limit"])
+    servo_gain = v["drive_servo_gain"]
+    if v["drive_is_voltage_controlled"]:
+        # T = limit (1 - spin / speed_limit) at the spin after the step: as a servo without a limit of its torque
+        servo_gain, limit = limit / v["drive_speed_limit"], inf
+    elif v["torque_curve_points"] > 0 and coasting * level > 0.0:
+        limit *= interpolated(v["torque_curve_points"], v["torque_curve_speed"], v["torque_curve_share"], abs(coasting))
+    target = drive_target(
+        level,
+        v["drive_is_speed_controlled"],
+        v["drive_speed_limit"],
+        v["drive_speed_gain"],
+        v["drive_speed_offset"],
     )
+    return motor_torque(coasting, gain, target, servo_gain, limit)
 
 
 @inlined
-def _torque_share(v: Any, speed: float) -> float:
-    """Share of the torque limit that the motor has at a speed of the wheels [rad/s]: linear between the points."""
-    speeds, shares = v["torque_curve_speed"], v["torque_curve_share"]
-    share = shares[0]
-    for k in range(v["torque_curve_points"] - 1):
-        if speed > speeds[k]:
-            t = min(1.0, (speed - speeds[k]) / (speeds[k + 1] - speeds[k]))
-            share = shares[k] + t * (shares[k + 1] - shares[k])
-    return share
-
-
-@inlined
-def _turn_shafts(i: int, is_braking: bool, model: Model, state: State, scratch: Scratch) -> None:
-    """Adds what motor and differentials do to the coasting spins of vehicle i."""
+def _turn_shafts(i: int, is_off: bool, model: Model, state: State, scratch: Scratch) -> None:
+    """Adds what motor and differentials do to the coasting spins of vehicle i; `is_off`: the motor has no torque."""
     v = model.vehicles[i]
     wheels = scratch.wheel_contacts
     front_lock, centre_lock, rear_lock = v["front_differential"], v["centre_differential"], v["rear_differential"]
@@ -166,7 +168,7 @@ def _turn_shafts(i: int, is_braking: bool, model: Model, state: State, scratch: 
     elif has_rear:
         both, both_gain = rear, rear_gain
     torque, between = 0.0, 0.0
-    if not is_braking:
+    if not is_off:
         torque = _motor_torque(v, state.drive_level[i], both, both_gain)
     if has_front and has_rear:
         limit = centre_lock[0] + centre_lock[1] * abs(torque)

@@ -165,7 +165,9 @@ class LaneDriver:
         target = self._way[min(self._at + round(LOOK / SPACING), len(self._way) - 1)] - position
         aside = math.cos(yaw) * target[1] - math.sin(yaw) * target[0]
         angle = math.atan2(2.0 * self._spec.wheelbase * aside, float(target @ target))
-        return Command(max(speed, 0.0) / self._spec.full_throttle_speed, _clipped(angle / self._spec.steering.limit))
+        return Command(
+            max(speed, 0.0) / self._spec.full_throttle_speed, _clipped(float(self._spec.steering.commands(angle)))
+        )
 
     def _follow(self, position: Floats, yaw: float) -> bool:
         """Find the nearest point of the way, and make the way longer; False if there is no lane here."""

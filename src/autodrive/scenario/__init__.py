@@ -2,9 +2,11 @@
 
 from autodrive.physics.sensors.settings import SensorSettings as SensorSettings
 from autodrive.scenario.scenario import DEFAULT as DEFAULT
+from autodrive.scenario.scenario import FACTOR_FIELDS as FACTOR_FIELDS
 from autodrive.scenario.scenario import FACTOR_LIMITS as FACTOR_LIMITS
 from autodrive.scenario.scenario import MAX_BOXES as MAX_BOXES
 from autodrive.scenario.scenario import MAX_VEHICLES as MAX_VEHICLES
+from autodrive.scenario.scenario import NEUTRAL as NEUTRAL
 from autodrive.scenario.scenario import START as START
 from autodrive.scenario.scenario import BoxSpec as BoxSpec
 from autodrive.scenario.scenario import RaceSpec as RaceSpec

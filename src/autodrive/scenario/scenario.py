@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -37,8 +37,18 @@ DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
 START = "traffic"
 """Name of the scenario that runs behind the start screen of the page."""
-FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
-"""Least and greatest factor of a vehicle, see `VehiclePlacement`."""
+FACTOR_LIMITS = {
+    "mass": (0.1, 10.0),
+    "grip": (0.01, 10.0),
+    "noise": (0.0, 100.0),
+    "drive": (0.1, 10.0),
+    "trim": (-0.2, 0.2),
+}
+"""Least and greatest factor of a vehicle, and trim of its steering [rad], see `VehiclePlacement`."""
+NEUTRAL = {"mass": 1.0, "grip": 1.0, "noise": 1.0, "drive": 1.0, "trim": 0.0}
+"""Values of the factors and of the trim with which a vehicle is that of its file."""
+FACTOR_FIELDS = {name: "steering_trim" if name == "trim" else f"{name}_factor" for name in NEUTRAL}
+"""Field of `VehiclePlacement` of each of them."""
 SHORTEST_SUBSTEP = 1e-5
 """Least length of a substep [s]."""
 FINEST = 10**9
@@ -81,6 +91,13 @@ class VehiclePlacement(Spec):
     """Multiplies the friction of its tyres."""
     noise_factor: float = Field(default=1.0, ge=0.0, le=100.0)
     """Multiplies the standard deviations of the noise of all its sensors; resolutions stay."""
+    drive_factor: float = Field(default=1.0, ge=0.1, le=10.0)
+    """Multiplies the torque of its motors at any throttle, such as by the charge of a battery; in speed control the
+    largest one."""
+    steering_trim: float = Field(default=0.0, ge=-0.2, le=0.2)
+    """Angle that is added to that of its steered wheels, left positive [rad]."""
+    surface: str | None = None
+    """Floor of `wheels.surfaces` of the vehicle's file; null: its tyres have the friction of the file."""
     sensors: dict[str, SensorSettings] = Field(default_factory=dict)
     """Settings by name of a sensor ('encoders', 'ips', 'imu', 'lidar', 'range') or camera, instead of the file's."""
     own_sensors: dict[str, OwnSensorClass] = Field(default_factory=dict)
@@ -90,6 +107,12 @@ class VehiclePlacement(Spec):
     def yaw(self) -> float:
         """[rad]."""
         return math.radians(self.yaw_deg)
+
+    def with_factors(self, factors: Mapping[str, float]) -> VehiclePlacement:
+        """The placement with factors and a trim in addition to its own, by their names in `NEUTRAL`."""
+        before = {name: getattr(self, FACTOR_FIELDS[name]) for name in factors}
+        both = {name: before[name] + more if name == "trim" else before[name] * more for name, more in factors.items()}
+        return self.model_copy(update={FACTOR_FIELDS[name]: value for name, value in both.items()})
 
 
 class BoxSpec(Spec):

@@ -207,6 +207,7 @@ def state_of(k: int, worlds: Worlds, thread: Thread) -> State:
         throttle=s.throttle[k],
         drive_level=s.drive_level[k],
         steering_target=s.steering_target[k],
+        servo_angle=s.servo_angle[k],
         steering_angle=s.steering_angle[k],
         throttle_queue=s.throttle_queue[k],
         steering_queue=s.steering_queue[k],

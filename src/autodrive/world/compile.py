@@ -174,7 +174,7 @@ def _compiled(checked: CheckedScenario, engine: Engine, fixed: ShapeTable) -> Co
     spec, vehicles, configured, geoms = checked.spec, checked.vehicles, checked.configured, engine.geoms()
     owners = _owners(checked.map, geoms)
     shapes = _with_movable(fixed, geoms, {engine.body(name)[0]: i for i, name in enumerate(vehicles)})
-    grips = [placement.grip_factor for placement in spec.vehicles.values()]
+    grips = grip_factors(spec, vehicles)
     model = Model(
         dt=spec.substep,
         gravity=spec.gravity,
@@ -206,11 +206,15 @@ def _compiled(checked: CheckedScenario, engine: Engine, fixed: ShapeTable) -> Co
         contacts=vehicle_contacts(model),
         scratch=scratch(model, engine.body_count),
         objects=objects,
-        fleet=Fleet(
-            spec, checked.map, vehicles, [(objects[box.name], box.size) for box in checked.boxes], model.vehicles
-        ),
+        fleet=Fleet(spec, checked.map, vehicles, [(objects[box.name], box.size) for box in checked.boxes]),
         owners=owners,
     )
+
+
+def grip_factors(spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec]) -> list[float]:
+    """Factor of the friction of each vehicle of a scenario, on the floor that its placement names."""
+    placed = spec.vehicles
+    return [placed[name].grip_factor * vehicle.grip_on(placed[name].surface) for name, vehicle in vehicles.items()]
 
 
 def _owners(map_: Map, geoms: Sequence[Geom]) -> list[str]:
@@ -287,11 +291,21 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:
-            vehicles[name] = specs.vehicles[placement.type].spec.with_mass_factor(placement.mass_factor)
+            vehicle = specs.vehicles[placement.type].spec
+            vehicles[name] = placed_vehicle(vehicle, placement)
+            if placement.surface not in (None, *vehicle.wheels.surfaces):
+                known = suggest(str(placement.surface), [*vehicle.wheels.surfaces])
+                text = f": '{placement.surface}' is no floor of 'wheels.surfaces' of '{placement.type}'. {known}"
+                problems.append((_at("vehicles", name, "surface"), text))
         except SpecError as error:
             path = f"  ({error.path})" if error.path else ""
             problems += [(_at("vehicles", name, "type"), f": {text}{path}") for text in error.errors]
     return map_, vehicles, problems, problems_of_draft(specs.map, map_problems)
+
+
+def placed_vehicle(vehicle: VehicleSpec, placement: VehiclePlacement) -> VehicleSpec:
+    """A vehicle with the factors of its placement."""
+    return vehicle.with_factors(placement.mass_factor, placement.drive_factor, placement.steering_trim)
 
 
 def _add_traffic(

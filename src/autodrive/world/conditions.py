@@ -14,11 +14,11 @@ from autodrive.physics.weather import ChangingWeather, detection_range, extincti
 from autodrive.protocol.commands import is_number
 from autodrive.protocol.messages import Weather, WeatherEffects
 from autodrive.protocol.weather import is_clear
-from autodrive.scenario import FACTOR_LIMITS, ScenarioSpec
+from autodrive.scenario import FACTOR_LIMITS, NEUTRAL, ScenarioSpec
 from autodrive.scenario.maps.spec import GroundSpec
-from autodrive.scenario.vehicles.parameters import surface_of, wheel_table
+from autodrive.scenario.vehicles.parameters import set_factors, surface_of, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.compile import CompiledScenario
+from autodrive.world.compile import CompiledScenario, grip_factors
 from autodrive.world.rules import daylight
 from autodrive.world.rules.daylight import DaylightColumns, SceneLight
 
@@ -88,27 +88,21 @@ class WorldConditions:
                 least, most = FACTOR_LIMITS.get(name, (math.inf, -math.inf))
                 if not (is_number(factor) and least <= factor <= most):
                     raise CommandError(f"factor {name} of vehicle '{vehicle}' cannot be {factor!r}")
-        complete = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
-        self.vehicles = {name: spec.with_mass_factor(complete[name]["mass"]) for name, spec in c.vehicles.items()}
-        for row, vehicle in zip(c.model.vehicles, self.vehicles.values(), strict=True):
-            row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
-        c.sensors.set_noise_factors([of_vehicle["noise"] for of_vehicle in complete.values()])
-        placed = {
-            name: placement.model_copy(
-                update={
-                    f"{kind}_factor": getattr(placement, f"{kind}_factor") * factor
-                    for kind, factor in complete[name].items()
-                }
-            )
-            for name, placement in c.spec.vehicles.items()
+        complete = {name: {**NEUTRAL, **factors.get(name, {})} for name in c.vehicles}
+        self.vehicles = {
+            name: spec.with_factors(*(complete[name][factor] for factor in ("mass", "drive", "trim")))
+            for name, spec in c.vehicles.items()
         }
+        for row, vehicle in zip(c.model.vehicles, self.vehicles.values(), strict=True):
+            set_factors(row, vehicle)
+        c.sensors.set_noise_factors([of_vehicle["noise"] for of_vehicle in complete.values()])
+        placed = {name: placement.with_factors(complete[name]) for name, placement in c.spec.vehicles.items()}
         self.spec = c.spec.model_copy(update={"vehicles": placed})
         c.model.wheels[:] = self.wheels(Weather())
 
     def wheels(self, weather: Weather) -> Table:
         """`Model.wheels` in that weather."""
-        grips = [placement.grip_factor for placement in self.spec.vehicles.values()]
-        c = self._compiled
+        grips, c = grip_factors(self.spec, self.vehicles), self._compiled
         return wheel_table([*self.vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
 
     def _apply(self, tick: int, seed: int, *, is_reset: bool = False) -> None:

@@ -34,12 +34,13 @@ REVERSE_SPEED = -0.05 * RPM
 """The reverse lights are on while the rear wheels turn slower than this [rad/s]."""
 
 
-def braking_and_reversing(throttle: Any, rear_spin: Any, is_braking: Any) -> tuple[Any, Any]:
+def braking_and_reversing(throttle: Any, rear_spin: Any, is_braking: Any, coasts: Any) -> tuple[Any, Any]:
     """Whether the brake lights and the reverse lights are on, of one vehicle or of arrays of them.
 
-    `rear_spin`: mean of the rear wheels [rad/s]; `is_braking`: whether a driver of the traffic brakes.
+    `rear_spin`: mean of the rear wheels [rad/s]; `is_braking`: whether a driver of the traffic brakes; `coasts`:
+    whether the vehicle does not brake at zero throttle.
     """
-    return (throttle == 0.0) | is_braking, (throttle < 0.0) | (rear_spin < REVERSE_SPEED)
+    return ((throttle == 0.0) & (coasts ^ True)) | is_braking, (throttle < 0.0) | (rear_spin < REVERSE_SPEED)
 
 
 class FrameBuilder:
@@ -56,6 +57,7 @@ class FrameBuilder:
         self._places = [_places_of(where, i) for i in range(len(compiled.vehicles))]
         self._names = list(compiled.vehicles)
         self._blink_periods = [vehicle.lights.blink_period for vehicle in compiled.vehicles.values()]
+        self._coasts = [vehicle.drivetrain.coasts for vehicle in compiled.vehicles.values()]
         self._tick_duration = compiled.spec.tick
         traffic = set(compiled.spec.traffic.names)
         self._is_traffic = [name in traffic for name in compiled.vehicles]
@@ -142,7 +144,9 @@ class FrameBuilder:
     ) -> Lights:
         """The lamps of vehicle i; `rear_spins`: angular velocities of its rear wheels [rad/s]."""
         left, right = rear_spins
-        is_braking, is_reversing = braking_and_reversing(throttle, 0.5 * (left + right), controls.is_braking)
+        is_braking, is_reversing = braking_and_reversing(
+            throttle, 0.5 * (left + right), controls.is_braking, self._coasts[i]
+        )
         blinks = (tick - controls.indicators_since) * self._tick_duration / self._blink_periods[i]
         key = controls.headlights, controls.indicators, blinks % 1.0 >= 0.5, is_braking, is_reversing
         before, lights = self._lights[i]

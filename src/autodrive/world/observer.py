@@ -18,11 +18,13 @@ class SetPoses(msgspec.Struct, frozen=True, tag="Poses"):
 
 
 class ResetTo(msgspec.Struct, frozen=True, tag=True):
-    """`World.reset` with poses, x, y [m] and yaw [rad] of each name, or with a weather."""
+    """`World.reset` with poses, x, y [m] and yaw [rad] of each name, a weather, motions or past commands."""
 
     seed: int | None
-    poses: Mapping[str, tuple[float, ...]] | None
+    poses: Mapping[str, tuple[float, ...]] | None = None
     weather: Weather | None = None
+    motions: Mapping[str, tuple[float, ...]] | None = None
+    past_commands: Mapping[str, tuple[tuple[float, ...], ...]] | None = None
 
 
 class Restored(msgspec.Struct, frozen=True, tag=True):

@@ -72,7 +72,8 @@ def _lamps(
         indicators[:, rows] = np.array(INDICATORS)[drivers["signal"]]
         since[:, rows], brakes[:, rows] = drivers["signal_since"], drivers["is_braking"]
     spin = 0.5 * readings.wheel_angular_velocity[..., 2:].sum(axis=-1)
-    is_braking, is_reversing = braking_and_reversing(readings.throttle, spin, brakes)
+    coasts = np.array([vehicle.drivetrain.coasts for vehicle in compiled.vehicles.values()])
+    is_braking, is_reversing = braking_and_reversing(readings.throttle, spin, brakes, coasts)
     periods = np.array([vehicle.lights.blink_period for vehicle in compiled.vehicles.values()])
     phase = (readings.tick[:, None] - since) * compiled.spec.tick / periods % 1.0
     return lit_levels(heads, indicators, phase, is_braking, is_reversing)

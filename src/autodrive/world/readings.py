@@ -38,7 +38,7 @@ class Readings(NamedTuple):
     throttle: Floats
     """Throttle after the dead time of the drive [-1, 1], shape (n, v)."""
     steering: Floats
-    """Angle of the steering actuator, left positive [rad], shape (n, v)."""
+    """Steering angle at the middle of the steered axle, left positive [rad], shape (n, v)."""
     wheel_steering_angle: Floats
     """Steering angle of each wheel, left positive [rad], shape (n, v, 4), in the order of `WHEEL_NAMES`."""
     wheel_rotation_angle: Floats

@@ -22,7 +22,6 @@ from autodrive.protocol.messages import (
     SetTrafficLight,
     SetWeather,
     Teleport,
-    Weather,
 )
 from autodrive.protocol.native import Drawn
 from autodrive.scenario.maps.map import Map
@@ -56,8 +55,8 @@ class RequestTarget(Protocol):
         """Simulated time since the reset [s]."""
         ...
 
-    def begin(self, seed: int, poses: Mapping[str, Sequence[float]] | None, weather: Weather | None) -> None:
-        """Start again with that seed, these poses and that weather; see `World.reset`."""
+    def begin(self, seed: int, start: ResetTo) -> None:
+        """Start again with that seed, and as `start` says otherwise; see `World.reset`."""
 
     def set_back(self, moves: Sequence[Move]) -> bool:
         """Place vehicles where the rules of the race want them; whether one was placed."""
@@ -80,14 +79,17 @@ class AppliedRequest(NamedTuple):
 
 
 def _reset(world: RequestTarget, request: Reset | ResetTo) -> AppliedRequest:
-    poses, weather = (None, None) if isinstance(request, Reset) else (request.poses, request.weather)
-    if request.seed is not None:
-        check_seed(request.seed)
-    if weather is not None:
-        check_weather(weather)
-    world.begin(world.seed if request.seed is None else int(request.seed), poses, weather)
+    start = ResetTo(request.seed) if isinstance(request, Reset) else request
+    if start.seed is not None:
+        check_seed(start.seed)
+    if start.weather is not None:
+        check_weather(start.weather)
+    world.begin(world.seed if start.seed is None else int(start.seed), start)
+    if not (start.poses or start.weather or start.motions or start.past_commands):
+        return AppliedRequest(Reset(start.seed))
+    past = {name: tuple(tuple(map(float, row)) for row in rows) for name, rows in (start.past_commands or {}).items()}
     return AppliedRequest(
-        ResetTo(request.seed, plain(poses or {}), weather) if poses or weather else Reset(request.seed)
+        ResetTo(start.seed, plain(start.poses or {}), start.weather, plain(start.motions or {}) or None, past or None)
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from autodrive.protocol.messages import Event, Lights, TrafficLightFrame, Weathe
 from autodrive.world.columns import Worlds, restore_row, rows_of_world
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
+from autodrive.world.motion import StartMotion, set_linkage, set_motion
 from autodrive.world.readings import Readings, readings_of
 from autodrive.world.rules import lights, radio, rules, stop_lines
 from autodrive.world.rules.daylight import SceneLight
@@ -49,8 +50,11 @@ class Row:
 
     # -- between ticks -------------------------------------------------------------------------------------------
 
-    def begin(self, qpos: Floats, seed: int) -> None:
-        """Set the State and the rules as before the first tick; `qpos`: of the State at the start."""
+    def begin(self, qpos: Floats, seed: int, motions: Mapping[int, StartMotion]) -> None:
+        """Set the State and the rules as before the first tick.
+
+        `qpos`: of the State at the start; `motions`: of vehicles that do not start at rest, by their numbers.
+        """
         c = self._compiled
         c.engine.forget_warnings()
         c.contacts.clear()
@@ -61,6 +65,9 @@ class Row:
         c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
         self.rows.worlds.tick[0], self.rows.worlds.is_unstable[0] = 0, False
         rules.begin(c, self.rules, rules.FIRST, [seed])
+        set_linkage(self.rows.worlds, rules.FIRST)
+        for i, motion in motions.items():
+            set_motion(self._pinned, self.rows.worlds, rules.FIRST, i, motion)
         place(c.model, c.state, c.views)
         self.hear()
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Integers
+from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.pinned import Pinned, held
 from autodrive.physics.engine import AWAKE
 from autodrive.physics.sensors.columns import StatePoses, motion_of
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.state import State
-from autodrive.physics.tick import advance, move_shapes, observe
+from autodrive.physics.tick import actuate, advance, move_shapes, observe
 from autodrive.world.columns import Rows, model_of, state_of
 from autodrive.world.rules import collisions, radio, rules
 from autodrive.world.rules.traffic import rule as traffic
@@ -147,6 +147,21 @@ def begin_worlds(pinned: Pinned[Rows], chosen: Integers) -> None:
         observe(model_of(k, rows.model, rows.worlds), state)
         _show_lights(rows, k)
         _sense(rows, k)
+
+
+@jit_uncounted
+def obey_past(pinned: Pinned[Rows], chosen: Integers, i: int, past: Floats) -> None:
+    """Let the actuators of vehicle i of the `chosen` worlds obey the commands of the ticks before the start.
+
+    `past`: throttle and steering, oldest first, shape (m, t, 2).
+    """
+    rows = held(pinned)
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        model, state = model_of(k, rows.model, rows.worlds), state_of(k, rows.worlds, rows.thread)
+        for substep in range(-past.shape[1] * rows.substeps, 0):
+            t = past.shape[1] + substep // rows.substeps
+            actuate(i, model, state, past[c, t, 0], past[c, t, 1], substep)
 
 
 @jit_uncounted

@@ -45,6 +45,7 @@ from autodrive.world.conditions import WorldConditions
 from autodrive.world.contacts import contact_forces
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
+from autodrive.world.motion import checked_motions
 from autodrive.world.notebook import html_of
 from autodrive.world.observer import Observer, Request, ResetTo, Restored, SensorAdded, SetPoses
 from autodrive.world.one_thread import OneThread, by_one_thread
@@ -265,26 +266,35 @@ class World(OneThread):
         *,
         poses: Mapping[str, tuple[float, float, float]] | None = None,
         weather: Weather | None = None,
+        motions: Mapping[str, Sequence[float]] | None = None,
+        past_commands: Mapping[str, Sequence[Sequence[float]]] | None = None,
     ) -> Frame:
         """Return to the initial state; a new seed stays until the next one.
 
         `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. `weather`:
-        from this start on, as after a long time of it; None: that of the scenario. Raises `CommandError` for a wrong
-        seed or weather, and for a pose that is wrong or overlaps something; then nothing has changed.
+        from this start on, as after a long time of it; None: that of the scenario. `motions`: vehicles start in motion,
+        with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and the throttle and the steering that they
+        have obeyed. `past_commands`: throttle and steering in the ticks before the start, oldest first, shape (t, 2);
+        actuators and dead times follow them, from those of `motions` on. Raises `CommandError` for wrong values, and
+        for a pose that overlaps something; then nothing has changed.
         """
-        return self.apply(Reset(seed) if poses is None and weather is None else ResetTo(seed, poses, weather))
+        is_plain = poses is None and weather is None and motions is None and past_commands is None
+        unchecked: Any = (poses, weather, motions, past_commands)
+        return self.apply(Reset(seed) if is_plain else ResetTo(seed, *unchecked))
 
-    def begin(self, seed: int, poses: Mapping[str, Sequence[float]] | None, weather: Weather | None) -> None:
+    def begin(self, seed: int, start: ResetTo) -> None:
         """Execute a reset; see `reset`, which checks seed and weather, and makes the Frame."""
         self._check_open()
-        c, start = self.compiled, self.poses.at_start(seed, poses)
+        motions = checked_motions(start.motions, start.past_commands, 1)  # pyright: ignore[reportArgumentType]
+        moving = {self.controls.index(name): motion for name, motion in motions.items()}
+        c, qpos = self.compiled, self.poses.at_start(seed, start.poses)
         self.seed = seed
-        self.row.begin(start, seed)
+        self.row.begin(qpos, seed, moving)
         self._tick = 0
         self.drawings, self.contact_forces, self.poses.held = {}, {}, {}
         self.controls.reset()
         c.sensors.reset(self.seed)
-        self.conditions.reset(weather, self.seed)
+        self.conditions.reset(start.weather, self.seed)
         self.row.switch_lamps(0.0, self.conditions.light, self.conditions.shown)
         if self.race is not None:
             self.race.reset(c.state.vehicle_position)
@@ -409,10 +419,11 @@ class World(OneThread):
 
     @by_one_thread
     def set_factors(self, factors: Mapping[str, Mapping[str, float]]) -> None:
-        """Let `reset` start with these factors ('mass', 'grip', 'noise') of vehicles, in addition to the scenario's.
+        """Let `reset` start with these factors of vehicles, in addition to the scenario's; see `VehiclePlacement`.
 
-        What is left out has the factor 1. The bits are those of a new World of the scenario with these `mass_factor`,
-        `grip_factor` and `noise_factor`. Raises `CommandError`.
+        They are 'mass', 'grip', 'noise' and 'drive', and 'trim' of the steering [rad]; left out: 1, without a trim. The
+        bits are those of a new World of the scenario with these `mass_factor` ... and `steering_trim`. Raises
+        `CommandError`.
         """
         for vehicle in factors:
             self.controls.index(vehicle)

@@ -59,10 +59,12 @@ def test_a_world_with_factors_has_the_bits_of_a_new_world() -> None:
     spec = ScenarioSpec(map="mini_map", vehicles={"V1": place}, seed=4)
     world = make(spec)
     saved = world.save()
-    for mass, grip, noise in ((2.0, 0.4, 3.0), (1.0, 1.0, 1.0), (0.5, 1.3, 0.0)):
-        placed = place.model_copy(update={"mass_factor": mass, "grip_factor": grip, "noise_factor": noise})
+    for values in ((2.0, 0.4, 3.0, 0.7, 0.05), (1.0, 1.0, 1.0, 1.0, 0.0), (0.5, 1.3, 0.0, 1.2, -0.02)):
+        factors: dict[str, float] = dict(zip(("mass", "grip", "noise", "drive", "trim"), values, strict=True))
+        fields = "mass_factor", "grip_factor", "noise_factor", "drive_factor", "steering_trim"
+        placed = place.model_copy(update=dict(zip(fields, values, strict=True)))
         new = make(spec.model_copy(update={"vehicles": {"V1": placed}}))
-        world.set_factors({"V1": {"mass": mass, "grip": grip, "noise": noise}})
+        world.set_factors({"V1": factors})
         one, other = world.reset(), new.reset()
         for tick in range(150):
             command = {"V1": Command(1.0, (-1.0) ** (tick // 40))}

@@ -132,15 +132,16 @@ def test_a_log_does_not_show_the_steering(files: tuple[Path, Path]) -> None:
 
 
 def test_drives_that_show_nothing_are_refused(drive: Drive) -> None:
+    free = ["wheels.damping_rate"]
     with pytest.raises(IdentificationError, match="its throttle is always 0"):
-        replace(drive, throttle=np.zeros_like(drive.throttle))
+        identify(replace(drive, throttle=np.zeros_like(drive.throttle)), "nigel_2023", free)
     few = {name: getattr(drive, name)[:5] for name in ("time", "x", "y", "heading", "speed", "yaw_rate")}
     with pytest.raises(IdentificationError, match=r"the drive is too short: 5 rows in 0\.04 s"):
-        replace(drive, **few)
+        identify(replace(drive, **few), "nigel_2023", free)
     x, speed = drive.x.copy(), drive.speed.copy()
     x[7], speed[2] = np.nan, np.inf
     with pytest.raises(IdentificationError, match="the x of row 8 is not a finite number; the speed of row 3"):
-        replace(drive, x=x, speed=speed)
+        identify(replace(drive, x=x, speed=speed), "nigel_2023", free)
     with pytest.raises(IdentificationError, match="the car does not move in the drive"):
         identify(replace(drive, speed=np.zeros_like(drive.speed)), "nigel_2023", ["wheels.damping_rate"])
     with pytest.raises(IdentificationError, match=r"the drive has no 2\.5 s without a collision"):
@@ -187,9 +188,9 @@ def test_files_that_are_no_drive_are_one_line(files: tuple[Path, Path], tmp_path
 
 @pytest.mark.slow
 def test_the_program_of_the_document_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That of identification.md."""
+    """The last of identification.md; tests/recording/drives runs the other."""
     document = (Path(__file__).parents[3] / "docs" / "identification.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"```python\n(.*?)```", document, flags=re.DOTALL)
+    _, program = re.findall(r"```python\n(.*?)```", document, flags=re.DOTALL)
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(program, names)

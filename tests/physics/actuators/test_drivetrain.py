@@ -19,31 +19,33 @@ levels = st.floats(-1.0, 1.0)
 def test_level_approaches_the_throttle_exponentially() -> None:
     level, dt, time_constant = 0.0, 0.001, 0.04
     for k in range(1, 400):
-        level = drive_level(level, -0.7, 1.0 - math.exp(-dt / time_constant))
+        level = drive_level(level, -0.7, 1.0 - math.exp(-dt / time_constant), math.inf, False, dt)
         assert level == pytest.approx(-0.7 * (1.0 - math.exp(-k * dt / time_constant)), rel=1e-12)  # rounding
 
 
 @given(levels, st.floats(0.001, 1.0))
 def test_zero_throttle_resets_the_drive_level(level: float, response: float) -> None:
-    assert drive_level(level, 0.0, response) == 0.0
+    assert drive_level(level, 0.0, response, 1.0, False, 0.001) == 0.0
+    coasting = drive_level(level, 0.0, response, 1.0, True, 0.001)  # it follows the throttle with its lag and ramp
+    assert coasting == pytest.approx(level - math.copysign(min(abs(level) * response, 0.001), level), abs=1e-15)
 
 
 @given(levels, levels.filter(bool), st.floats(0.001, 1.0))
 def test_level_stays_between_its_last_value_and_the_throttle(level: float, throttle: float, response: float) -> None:
-    after = drive_level(level, throttle, response)
+    after = drive_level(level, throttle, response, math.inf, False, 0.001)
     assert min(level, throttle) - 1e-15 <= after <= max(level, throttle) + 1e-15  # a rounding of 1 in 2^53
 
 
 @given(levels)
 def test_speed_control_sets_the_speed_and_not_the_torque(level: float) -> None:
-    assert drive_target(level, True, 13.6) == level * 13.6
+    assert drive_target(level, True, 13.6, 1.0, 0.0) == level * 13.6
     assert drive_torque_limit(level, True, 2.352) == 2.352
 
 
 @given(levels.filter(bool))
 def test_torque_control_sets_the_torque_and_not_the_speed_limit(level: float) -> None:
-    assert drive_target(level, False, 13.6) == math.copysign(13.6, level)
-    assert drive_torque_limit(level, False, 2.352) == abs(level) * 2.352
+    assert drive_target(level, False, 13.6, 1.0, 0.0) == math.copysign(13.6, level)
+    assert drive_torque_limit(abs(level), False, 2.352) == abs(level) * 2.352
 
 
 def drive_after_each_substep(vehicle: str, throttle: list[float]) -> list[tuple[float, float]]:

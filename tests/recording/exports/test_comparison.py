@@ -13,10 +13,12 @@ import autodrive
 from autodrive import Command
 from autodrive.recording import Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording
+from autodrive.recording.drives import LogOptions, read_drives
+from autodrive.recording.drives.recorder_log import DriveLog, read
 from autodrive.recording.exports import export
-from autodrive.recording.exports.comparison import Comparison, compare_log, compare_recording
+from autodrive.recording.exports.comparison import Comparison, compare_drive, compare_log, compare_recording
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.recorder_layout import DriveLog, read
+from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.command_line import call, refused
 
 TIME = np.arange(201, dtype=np.float64) * np.float64(0.01)
@@ -147,3 +149,39 @@ def test_what_cannot_be_compared_is_one_line(file: Path, lap: Recording, tmp_pat
         compare_recording(lap, scenario=autodrive.Scenario(vehicles={"V7": {}}))  # type: ignore[dict-item]  # pyright: ignore
     with pytest.raises(RecordingError, match=r"a tick of 0.02 s; that of the recording is 0.01 s"):
         compare_recording(lap, scenario=autodrive.Scenario(tick=0.02))
+
+
+def test_a_table_of_our_drive_is_simulated_as_it_was(file: Path, tmp_path: Path) -> None:
+    """The commands in other units, and the poses of a point of the car; the commands of a recording are exact."""
+    (drive,) = read_drives(file)
+    errors = compare_drive(drive, "mini_map").errors
+    assert errors["distance"].largest < 1e-3  # the first tick of the recording settles the car on its suspension
+    assert errors["heading"].largest < 1e-3
+    full = load_vehicle("nigel").steering.limit
+    held = np.searchsorted(drive.command_time, drive.time, side="right") - 1
+    rows = ["t [ms],px,py,psi [deg],v [km/h],Yaw rate [deg/s],throttle,delta [deg]"]
+    held[0] = 0  # no command yet, so that the throttle rises after the first row, as in the recording
+    for i, command in enumerate(held.tolist()):
+        x = drive.x[i] + 0.1 * math.cos(drive.heading[i])
+        y = drive.y[i] + 0.1 * math.sin(drive.heading[i])
+        pose = (1e3 * drive.time[i], x, y, math.degrees(drive.heading[i]))
+        motion = (3.6 * drive.speed[i], math.degrees(drive.yaw_rate[i]))
+        commands = (drive.throttle[command], math.degrees(full * drive.steering[command]))
+        rows.append(",".join(map(repr, map(float, (*pose, *motion, *commands)))))
+    table = tmp_path / "drive.csv"
+    table.write_text("\n".join(rows))
+    columns = "time=t,x=px,y=py,yaw=psi,speed=v,steering=delta"
+    (read_back,) = read_drives(table, LogOptions(columns=columns, tracked_point=(0.1, 0.0)))
+    again = compare_drive(read_back, "mini_map").errors
+    assert again["distance"].largest < 1.01 * 0.01 * drive.speed.max()  # the throttle rises a tick later
+    options = ("--columns", columns, "--tracked-point", "0.1,0", "--type", "nigel", "--scenario", "mini_map")
+    done = call("compare", str(table), *options, "--output", str(tmp_path / "plot.svg"))
+    assert done.returncode == 0, done.stderr
+    assert f"distance {again['distance'].rms:11.4f}" in done.stdout
+    for words, reason in (
+        (options[:4], "name the vehicle that is simulated: --type, or --scenario"),
+        ((*options[:2], "--tracked-point", "0.1"), "--tracked-point must be two numbers such as 0.15,-0.01"),
+        ((*options, "--run", "2"), "the table has no column 'run'"),
+        ((), "the table has no column 'time'; name it, such as --columns time=t [ms]"),
+    ):
+        assert reason in refused("compare", str(table), *words)

@@ -19,10 +19,10 @@ from autodrive import Command, Simulation
 from autodrive.protocol.messages import LoadScenario
 from autodrive.recording import Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording
+from autodrive.recording.drives.recorder_log import read
 from autodrive.recording.exports import FORMATS, export
 from autodrive.recording.exports.bag import DEFINITIONS
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.recorder_layout import read
 from autodrive.scenario.vehicles.spec import load_vehicle
 
 ROOT = Path(__file__).parents[3]

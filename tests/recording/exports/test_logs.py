@@ -15,10 +15,10 @@ from autodrive import Command
 from autodrive.experiments.identification import identify, read_drive
 from autodrive.recording import Recorder, RecordingError
 from autodrive.recording import open as open_recording
+from autodrive.recording.drives.recorder_log import TIME_FORMAT, read
 from autodrive.recording.exports import export
 from autodrive.recording.exports.comparison import compare_log
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.recorder_layout import TIME_FORMAT, read
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from tests.support.command_line import call, refused
 

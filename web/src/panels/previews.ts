@@ -85,7 +85,8 @@ class Preview {
     const text = this.shown ? '' : statusText(state.status)
     setText(this.state, text)
     this.view.title = text || this.title
-    setText(this.figures, this.shown ? `${fixed(this.rate(), 0)} Hz · ${ageText(age)}` : '')
+    const rate = this.rate()
+    setText(this.figures, this.shown && rate > 0 ? `${fixed(rate, 0)} Hz · ${ageText(age)}` : '')
   }
 
   private rate(): number {

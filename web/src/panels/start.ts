@@ -5,6 +5,7 @@ import type { Actions } from '../actions'
 import { Observable } from '../observable'
 import { openReplay } from '../replay/open_replay'
 import type { Scenarios } from '../scenarios'
+import { sceneUrl } from '../scene/assets'
 import { stillOf } from '../stills'
 import type { Store } from '../store'
 import { h, setText } from './element'
@@ -223,7 +224,7 @@ function middle(element: HTMLElement): { x: number; y: number } {
   return { x: left + 0.5 * width, y: top + 0.5 * height }
 }
 
-/** Fills the page until the first image of a scenario: its still picture, and what is loaded. */
+/** Fills the page until the first image of a scenario: its still picture or else its floor plan, and what is loaded. */
 function stillPicture(store: Store, scenarios: Scenarios, chosen: Observable<Entry | null>): HTMLElement {
   const text = h('p', { class: 'plate', role: 'status', testid: 'still-text' })
   const element = h('div', { class: 'still', testid: 'still' }, text)
@@ -233,15 +234,24 @@ function stillPicture(store: Store, scenarios: Scenarios, chosen: Observable<Ent
     const waiting = chosen.value
     const name = waiting?.still || scenarios.loading.value
     const shown = name || (isDrawn ? '' : (scene?.scenario ?? store.starting.value?.scenario ?? ''))
-    const address = shown ? stillOf(shown) : null
+    const plan = scene?.scenario === shown && scene.plan ? sceneUrl(scene.plan.image).href : null
+    const address = shown ? (stillOf(shown) ?? plan) : null
     element.hidden = !address
+    element.classList.toggle('is-plan', address !== null && address === plan)
     if (address && element.dataset.name !== shown) element.style.backgroundImage = `url("${address}")`
     element.dataset.name = shown
-    const title = waiting?.title ?? scenarios.titles[scenarios.loading.value]
-    setText(text, title ? (store.link.value === 'open' ? `Loading ${title}…` : `${title} follows…`) : '')
+    const title = waiting?.title ?? scenarios.titles[scenarios.loading.value] ?? (scene && shown ? scene.title : '')
+    const amount =
+      scene?.scenario === shown && store.sceneBytes.value > 0 ? ` ${megabytes(store.sceneBytes.value)}` : ''
+    setText(text, title ? (store.link.value === 'open' ? `Loading ${title}…${amount}` : `${title} follows…`) : '')
     text.hidden = !title
   }
-  for (const one of [store.scene, store.shownScene, store.starting, store.link, scenarios.loading, chosen])
+  const { scene, shownScene, starting, link, sceneBytes } = store
+  for (const one of [scene, shownScene, starting, link, sceneBytes, scenarios.loading, chosen])
     (one as Observable<unknown>).watch(show)
   return element
+}
+
+function megabytes(bytes: number): string {
+  return `${(bytes / 1e6).toFixed(1)} MB`
 }

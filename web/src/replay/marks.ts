@@ -44,15 +44,18 @@ export function marksCanvas(window_: TimeWindow): {
     context.font = '13px system-ui, sans-serif'
     context.textBaseline = 'bottom'
     const step = timeStep(((end - start) * SPACING) / width)
+    let written = 0 // right end of the last time
     for (let i = Math.ceil(start / step); i * step <= end; i++) {
       const x = Math.round(window_.shareOf(i * step) * width)
       context.fillStyle = colours.line
       context.fillRect(x, 0, 1, height)
       context.fillStyle = colours.muted
       const text = timeText(i * step, step)
-      const isCut = x + 4 + context.measureText(text).width > width
-      context.textAlign = isCut ? 'right' : 'left'
-      context.fillText(text, isCut ? x - 4 : x + 4, height)
+      const length = context.measureText(text).width
+      const left = x + 4 + length > width ? x - 4 - length : x + 4
+      if (left < written) continue
+      context.fillText(text, left, height)
+      written = left + length + 4
     }
     const drawn = new Set<number>()
     for (const { time, event } of marks) {

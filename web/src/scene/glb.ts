@@ -113,11 +113,17 @@ interface Material {
   extensions?: { KHR_materials_emissive_strength?: { emissiveStrength: number } }
 }
 
-/** Loads an asset; throws an Error with the URL if that fails. */
-export async function loadAsset(url: URL): Promise<Asset> {
+/** Loads an asset, and reports each part [bytes]; throws an Error with the URL if that fails. */
+export async function loadAsset(url: URL, received: (bytes: number) => void): Promise<Asset> {
   const answer = await fetch(url)
   if (!answer.ok) throw new Error(`${url.pathname}: ${answer.status} ${answer.statusText}`)
-  return readAsset(await answer.arrayBuffer())
+  const count = new TransformStream<Uint8Array, Uint8Array>({
+    transform(part, controller) {
+      received(part.byteLength)
+      controller.enqueue(part)
+    },
+  })
+  return readAsset(await new Response(answer.body?.pipeThrough(count)).arrayBuffer())
 }
 
 /** Reads an asset from the contents of a file. */

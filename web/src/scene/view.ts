@@ -330,7 +330,12 @@ class View implements SceneView {
       this.dropped.push(asset)
     }
     const missing = [...wanted].filter((address) => !this.assets.has(address))
-    const loaded = await Promise.all(missing.map((address) => loadAsset(sceneUrl(address))))
+    const { sceneBytes } = this.store
+    sceneBytes.value = 0
+    const received = (bytes: number): void => {
+      if (this.scene === scene) sceneBytes.value += bytes
+    }
+    const loaded = await Promise.all(missing.map((address) => loadAsset(sceneUrl(address), received)))
     for (const [i, address] of missing.entries()) this.assets.set(address, loaded[i])
   }
 

@@ -16,7 +16,7 @@ from autodrive.base.specs import Described, Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns.sampling import ParameterRange, Value
-from autodrive.scenario import ScenarioSpec
+from autodrive.scenario import FACTOR_FIELDS, NEUTRAL, ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.files import described
 from autodrive.scenario.maps.spec import MapSpec
@@ -30,7 +30,9 @@ MAX_LATENCY = 10.0
 """[s]."""
 DRIVER = re.compile(r"driver\.([A-Za-z_]\w*)")
 """Path of an argument of the driver's class."""
-WARM = re.compile(r"vehicles\.(\w+)\.(x|y|yaw_deg|mass_factor|grip_factor|noise_factor)|boxes\.(\w+)\.(x|y|yaw_deg)")
+FACTORS = {field: name for name, field in FACTOR_FIELDS.items()}
+"""Names of the factors of a vehicle by their fields in the scenario."""
+WARM = re.compile(rf"vehicles\.(\w+)\.(x|y|yaw_deg|{'|'.join(FACTORS)})|boxes\.(\w+)\.(x|y|yaw_deg)")
 """Paths that a compiled world can take: it need not be compiled again."""
 MAP = "map."
 """Start of the path of a field of the map, such as 'map.ground.grip'."""
@@ -64,9 +66,10 @@ def is_compiled(path: str) -> bool:
 def structural(descriptions: Descriptions, values: Mapping[str, Value]) -> Descriptions:
     """The scenario with the values that need another compiled world. Raises `SpecError`.
 
-    Factors that are parameters are 1: the world takes them afterwards.
+    Factors that are parameters are neutral: the world takes them afterwards.
     """
-    neutral = {path: 1.0 for path in values if path.endswith("_factor") and WARM.fullmatch(path)}
+    fields = {path: path.rpartition(".")[2] for path in values if WARM.fullmatch(path)}
+    neutral = {path: NEUTRAL[FACTORS[field]] for path, field in fields.items() if field in FACTORS}
     return applied(descriptions, neutral | {path: value for path, value in values.items() if is_compiled(path)})
 
 

@@ -90,8 +90,8 @@ class Runner:
         for path, value in run.values.items():
             if parameters.WARM.fullmatch(path):
                 _, name, key = path.split(".")
-                if key.endswith("_factor"):
-                    factors.setdefault(name, {})[key.removesuffix("_factor")] = float(value)
+                if key in parameters.FACTORS:
+                    factors.setdefault(name, {})[parameters.FACTORS[key]] = float(value)
                 else:
                     poses.setdefault(name, {})[key] = float(value)
         world.set_factors(factors)

@@ -36,6 +36,14 @@ class CarConditions(NamedTuple):
     """Factor of the noise of the sensors."""
     latency: float
     """Time from an action until the car obeys it [s]."""
+    drive: float
+    """Factor of the torque of the motors."""
+    trim: float
+    """Angle that is added to that of the steered wheels [rad]."""
+
+
+LATER = ("drive", "trim")
+"""Conditions of a car for which no random number is drawn without a range: so that older settings draw the same."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,10 @@ class Conditions:
     """Factor of the noise of the sensors, 0 to 100; 1: that of the data sheets."""
     latency: Range = 0.0
     """Time from an action until the car obeys it [s], 0 to 0.5; rounded to ticks."""
+    drive: Range = 1.0
+    """Factor of the torque of the motors, 0.1 to 10; see `VehiclePlacement.drive_factor`."""
+    trim: Range = 0.0
+    """Angle that is added to that of the steered wheels [rad], -0.2 to 0.2."""
     fog: Range = 0.0
     """Amount of fog, 0 to 1; see `Weather`. The weather is the same for all cars of a world."""
     rain: Range = 0.0
@@ -64,6 +76,7 @@ class Conditions:
                 "mass": (self.mass, *LIMITS["mass"]),
                 "noise": (self.noise, *LIMITS["noise"]),
                 "latency": (self.latency, 0.0, MOST_LATENCY),
+                **{name: (getattr(self, name), *LIMITS[name]) for name in LATER},
                 **{name: (getattr(self, name), 0.0, 1.0) for name in WEATHER},
             }
         )
@@ -72,7 +85,13 @@ class Conditions:
 
     def draw(self, rng: np.random.Generator) -> CarConditions:
         """Draw the conditions of one car, each from its range with equal probability."""
-        return CarConditions(*(_drawn(getattr(self, name), rng) for name in CarConditions._fields))
+        ranges = {name: getattr(self, name) for name in CarConditions._fields}
+        return CarConditions(
+            **{
+                name: _drawn(limits, rng) if name not in LATER or isinstance(limits, tuple) else limits
+                for name, limits in ranges.items()
+            }
+        )
 
     def draw_weather(self, rng: np.random.Generator) -> Weather | None:
         """Draw the weather of one world; None: no amount is set, so that the scenario decides it.

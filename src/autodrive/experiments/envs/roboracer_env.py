@@ -85,7 +85,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
         self._driver = DelayedDrive(self.batch, frame_skip)
         self.drawn = np.ones((num_envs, len(CarConditions._fields)))
-        """The conditions of the present episodes, shape (n, 4), in the order of `CarConditions`."""
+        """The conditions of the present episodes, shape (n, 6), in the order of `CarConditions`."""
         self._rivalry = rivalry
 
     @property
@@ -110,8 +110,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         drawn = [self.conditions.draw(rng) for rng in generators if rng is not None for _ in range(self.car_count)]
         weathers = self._weathers(worlds, self.conditions)
         self._of_worlds(self.drawn)[worlds] = drawn = self._of_worlds(np.array(drawn))
-        friction, mass, noise, latency = drawn.transpose(2, 0, 1)
-        self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)
+        friction, mass, noise, latency, drive, trim = drawn.transpose(2, 0, 1)
+        factors = {"grip": friction, "mass": mass, "noise": noise, "drive": drive, "trim": trim}
+        self.batch.reset(worlds, seeds, poses=poses, weather=weathers, **factors)
         self._driver.reset(worlds, latency)
 
 

@@ -84,6 +84,10 @@ class EnvSettings:
     """Factor of the noise of the sensors; see `Conditions`."""
     latency: Range = 0.0
     """Time from an action until the car obeys it [s]; see `Conditions`."""
+    drive: Range = 1.0
+    """Factor of the torque of the motors; see `Conditions`."""
+    trim: Range = 0.0
+    """Angle that is added to that of the steered wheels [rad]; see `Conditions`."""
     fog: Range = 0.0
     """Amount of fog; see `Conditions`."""
     rain: Range = 0.0

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from autodrive.base.arrays import Floats
-from autodrive.experiments.identification.drive import Drive, IdentificationError, read_drive
+from autodrive.experiments.identification.drive import IdentificationError, check_drive, read_drive
 from autodrive.experiments.identification.parameters import Free, VehicleFile
 from autodrive.experiments.identification.result import Fitted, Identification
 from autodrive.experiments.identification.search import Objective, refine, search, without_influence
@@ -21,6 +21,7 @@ from autodrive.experiments.identification.windows import (
     windows_of,
     without_gyro_offset,
 )
+from autodrive.recording.drives import Drive
 from autodrive.recording.exports.comparison import Comparison
 
 DEAD_TIMES = ("steering.dead_time", "drivetrain.dead_time")
@@ -60,6 +61,8 @@ def identify(
     file = VehicleFile(vehicle)
     parameters = file.free(free)
     drive = drive if isinstance(drive, Drive) else read_drive(drive, name, is_left_positive=is_left_positive)
+    check_drive(drive)
+    drive = drive.in_shares(file.spec.full_throttle_speed, file.spec.steering.limit)
     if drive.is_angle and (unseen := [parameter.path for parameter in parameters if parameter.path.startswith(HIDDEN)]):
         raise IdentificationError(
             f"{', '.join(unseen)}: a log of the data recorder has the angle of the steering and the throttle after its "

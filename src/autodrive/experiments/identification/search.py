@@ -12,9 +12,10 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.base.installation import missing
-from autodrive.experiments.identification.drive import Drive, IdentificationError
+from autodrive.experiments.identification.drive import IdentificationError
 from autodrive.experiments.identification.parameters import Free, VehicleFile
 from autodrive.experiments.identification.windows import Simulator, Windows
+from autodrive.recording.drives import Drive
 
 SIGNALS = ("path", "speed", "yaw rate")
 FLOOR = 1e-4

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
-from autodrive.experiments.identification.drive import Drive, IdentificationError
+from autodrive.experiments.identification.drive import IdentificationError
 from autodrive.experiments.identification.parameters import VehicleFile
+from autodrive.recording.drives import Drive
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch import BatchWorld
@@ -230,8 +231,7 @@ class Simulator:
         """The vehicle as it obeys the recorded commands: a recorded angle of the steering is obeyed at once."""
         if not self._drive.is_angle:
             return spec
-        obeying = {"limit_deg": self._limit_deg, "rate_limit": None, "dead_time": 0.0, "time_constant": 0.0}
-        steering = spec.steering.model_copy(update=obeying)
+        steering = spec.steering.at_once(self._limit_deg)
         drivetrain = spec.drivetrain.model_copy(update={"dead_time": 0.0})
         return spec.model_copy(update={"steering": steering, "drivetrain": drivetrain})
 

@@ -70,7 +70,7 @@ def _wheels(spec: VehicleSpec) -> Iterator[Element]:
         if name.startswith("front"):
             yield _link(f"{name}_steering", knuckle())
             joint = _joint(f"{name}_steering", parent, hub, kind="revolute", axis=(0.0, 0.0, 1.0))
-            inner = ackermann_angle(spec.steering.limit, spec.wheelbase, 0.5 * spec.track)
+            inner = ackermann_angle(spec.steering.largest_angle, spec.wheelbase, 0.5 * spec.track)
             velocity = VELOCITY if spec.steering.rate_limit is None else spec.steering.rate_limit
             limits = {"lower": -inner, "upper": inner, "effort": EFFORT, "velocity": velocity}
             SubElement(joint, "limit", {key: _text(value) for key, value in limits.items()})

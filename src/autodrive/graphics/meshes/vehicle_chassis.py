@@ -42,7 +42,8 @@ def _outline(builder: MeshBuilder, spec: VehicleSpec, platform: ColliderSpec) ->
     bottom, top = span(platform)
     radius, half = spec.wheels.radius, 0.5 * spec.wheels.width
     if bottom < radius + 0.012:  # at the height of a wheel: clearance for steering and suspension travel
-        lock = float(ackermann_angle(spec.steering.limit, spec.wheelbase, 0.5 * spec.track))  # of the inner wheel
+        # of the inner wheel
+        lock = float(ackermann_angle(spec.steering.largest_angle, spec.wheelbase, 0.5 * spec.track))
         reach = radius * math.sin(lock) + half * math.cos(lock) + 0.003
         for i, (x, y, _) in enumerate(spec.hubs):
             inner = reach if i < 2 else half + 0.003

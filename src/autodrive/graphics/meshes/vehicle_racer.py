@@ -123,7 +123,7 @@ def _add_suspension(builder: MeshBuilder, spec: VehicleSpec, x: float) -> None:
     builder.add("carbon", mesh)
     hub = 0.5 * spec.track - 0.5 * spec.wheels.width
     # what a turned wheel leaves free beside its axle
-    lock = float(ackermann_angle(spec.steering.limit, spec.wheelbase, 0.5 * spec.track)) if is_front else 0.0
+    lock = float(ackermann_angle(spec.steering.largest_angle, spec.wheelbase, 0.5 * spec.track)) if is_front else 0.0
     inner = 0.5 * spec.track - 0.5 * spec.wheels.width - 0.35 * spec.wheels.radius * math.sin(lock) - 0.006
     for side in (-1.0, 1.0):
         for z, width in ((floor + 0.004, 0.026), (0.014, 0.012)):

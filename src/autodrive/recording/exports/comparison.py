@@ -1,7 +1,7 @@
 """Compares a recorded drive with our simulation of its commands: a table of errors, and a plot.
 
-The drive is a log of AutoDRIVE's data recorder (`compare_log`) or a recording of ours (`compare_recording`), which can
-be simulated in another scenario or with another vehicle.
+The drive is a log of AutoDRIVE's data recorder (`compare_log`), any drive (`compare_drive`), or a recording of ours
+(`compare_recording`), which can be simulated in another scenario or with another vehicle.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -24,7 +24,8 @@ from autodrive.base.svg_plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curves, cur
 from autodrive.base.transforms import Vector, euler_from_quaternion, rotate
 from autodrive.base.units import DEGREE
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.exports.recorder_layout import DriveLog
+from autodrive.recording.drives import Drive, local_parabola
+from autodrive.recording.drives.recorder_log import DriveLog
 from autodrive.recording.plot import check_suffix, write_panels
 from autodrive.recording.resimulation import simulated_again
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
@@ -34,6 +35,8 @@ SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
 """Signals of a drive [m, m, rad, m/s, rad/s]."""
 PATH_HEIGHT = 420
 """Height of the panel with both paths [pixels]."""
+START = 0.25
+"""Time after the start of a part within which its rows give the speed to the left [s]."""
 MAX_POINTS = 2000
 """Points of a drawn path at most."""
 
@@ -83,6 +86,8 @@ class Comparison:
     """Rows, from 0, at which the simulation starts again as recorded."""
     note: str = ""
     """What a user should know about the drive."""
+    marks: tuple[float, ...] = ()
+    """Times of the problems of a log [s], which a plot marks."""
 
     @cached_property
     def length(self) -> float:
@@ -143,7 +148,8 @@ class Comparison:
             title = f"error of the {'position' if i == 0 else names[0]} [{unit}]"
             columns = [factor * self.differences[name] for name in names]
             above = PATH_HEIGHT + i * HEIGHT
-            panels.append(panel(Curves(title, self.time, columns, names), above, self.time[0], self.time[-1]))
+            curves = Curves(title, self.time, columns, names, self.marks)
+            panels.append(panel(curves, above, self.time[0], self.time[-1]))
         write_panels(path, panels, PATH_HEIGHT + 3 * HEIGHT)
 
 
@@ -155,8 +161,49 @@ def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None
     has the feedback of throttle and steering, not the commands: the value of a row is commanded from the row before it
     on. Positions are those of the vehicle's indoor positioning sensor.
     """
+    drive = Drive(
+        time=log.time,
+        x=log.position[:, 0],
+        y=log.position[:, 1],
+        heading=log.euler[:, 2],
+        speed=log.signed_speed,
+        yaw_rate=log.angular_velocity[:, 2],
+        command_time=log.time[:-1],
+        throttle=log.throttle[1:],
+        steering=log.steering[1:],
+        is_angle=True,
+        breaks=np.empty(0),
+        note=log.note,
+        steering_unit="rad",
+        problems=log.problems,
+    )
+    return _compare(drive, log.breaks, scenario, type_ if scenario else type_ or log.vehicle_type, is_positioning=True)
+
+
+def compare_drive(drive: Drive, scenario: str | Path | ScenarioSpec | None = None, *, type_: str = "") -> Comparison:
+    """Simulate the commands of a drive from its first row on, with the first vehicle of a scenario.
+
+    The vehicle starts as recorded, and again after each of the breaks. Without a scenario: on the plane, the vehicle
+    `type_`; otherwise the name or file of another type of that vehicle. Positions are those of the centre of the rear
+    axle. Raises `RecordingError` without both.
+    """
+    if scenario is None and not type_:
+        raise RecordingError(f"name the vehicle that is simulated: --type, or --scenario  ({drive.source})")
+    part = np.searchsorted(drive.breaks, drive.time, side="right")
+    return _compare(drive, (np.flatnonzero(np.diff(part)) + 1).tolist(), scenario, type_, is_positioning=False)
+
+
+def _compare(
+    drive: Drive,
+    breaks: Sequence[int],
+    scenario: str | Path | ScenarioSpec | None,
+    type_: str,
+    *,
+    is_positioning: bool,
+) -> Comparison:
+    """`is_positioning`: the positions are those of the positioning sensor, and the vehicle is at rest at the start."""
     if scenario is None:
-        spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=log.vehicle_type)})
+        spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=type_)})
     else:
         spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
     name = next(iter(spec.vehicles))
@@ -166,36 +213,66 @@ def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None
     }
     batch = BatchWorld(spec.model_copy(update={"vehicles": without_own}), threads=1)
     vehicle = batch.compiled.vehicles[name]
-    limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
+    drive = drive.in_shares(vehicle.full_throttle_speed, vehicle.steering.limit)
+    if drive.is_angle:
+        drive = replace(drive, steering=vehicle.steering.commands(drive.steering))
+    lever = vehicle.sensors.ips.mount.position if is_positioning else (0.0, 0.0, 0.0)
     rows: list[list[float]] = []
     with closing(batch):
-        for first, end in itertools.pairwise((0, *log.breaks, len(log.time))):
-            rows += _simulated_part(batch, log, range(first, end), limit, lever)
-    recorded = [*log.position.T[:2], log.euler[:, 2], np.abs(log.speed), log.angular_velocity[:, 2]]
-    return Comparison(log.time, dict(zip(SIGNALS, recorded, strict=True)), _signals(rows), log.breaks, log.note)
+        for first, end in itertools.pairwise((0, *breaks, len(drive.time))):
+            is_moving = first > 0 or not is_positioning
+            rows += _simulated_part(batch, drive, range(first, end), lever, is_moving=is_moving)
+    recorded = [drive.x, drive.y, drive.heading, np.abs(drive.speed), drive.yaw_rate]
+    return Comparison(
+        drive.time,
+        dict(zip(SIGNALS, recorded, strict=True)),
+        _signals(rows),
+        tuple(breaks),
+        drive.note,
+        tuple(problem.time for problem in drive.problems if problem.line),
+    )
 
 
-def _simulated_part(batch: BatchWorld, log: DriveLog, part: range, limit: float, lever: Vector) -> list[list[float]]:
-    """The signals of the first vehicle, simulated from the first of some rows on; `limit`: of its steering [rad]."""
+def _simulated_part(
+    batch: BatchWorld, drive: Drive, part: range, lever: Vector, *, is_moving: bool
+) -> list[list[float]]:
+    """The signals of the first vehicle, simulated from the first of some rows on."""
     start, name = part[0], batch.vehicle_names[0]
-    heading = float(log.euler[start, 2])
-    x, y, _ = log.position[start] - np.array(rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever))
-    motion = [0.0] * 5
-    if start:
-        step = log.position[min(start + 1, part[-1])] - log.position[start]
-        speed = math.copysign(log.speed[start], math.cos(heading) * step[0] + math.sin(heading) * step[1])
-        obeyed = np.clip((log.throttle[start], log.steering[start] / limit), -1.0, 1.0)
-        motion = [speed, 0.0, log.angular_velocity[start, 2], *obeyed]
-    readings = batch.reset(poses={name: (float(x), float(y), heading)}, motions={name: motion})
+    time = drive.time[start : part[-1] + 1] - drive.time[start]
+    x, y, heading = float(drive.x[start]), float(drive.y[start]), float(drive.heading[start])
+    right, ahead, _ = rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever)
+    ticks = np.arange(math.ceil(float(time[-1]) / batch.tick_duration) + 1)
+    middles = drive.time[start] + (ticks + 0.5) * batch.tick_duration
+    held = np.clip(np.searchsorted(drive.command_time, middles, side="right") - 1, 0, len(drive.throttle) - 1)
     commands = np.zeros((1, len(batch.commanded_names), 2))
+    motion = [0.0] * 5
+    if is_moving:
+        speed, left = float(drive.speed[start]), _left_speed(drive, part)
+        forward = math.copysign(math.sqrt(max(speed**2 - left**2, 0.0)), speed)
+        before = max(int(np.searchsorted(drive.command_time, drive.time[start])) - 1, 0)
+        obeyed = np.clip((drive.throttle[before], drive.steering[before]), -1.0, 1.0)
+        motion = [forward, left, float(drive.yaw_rate[start]), *obeyed]
+    readings = batch.reset(poses={name: (x - right, y - ahead, heading)}, motions={name: motion})
     rows: list[list[float]] = []
-    for i in part:
-        commands[0, 0] = log.throttle[i], log.steering[i] / limit
-        while readings.time[0] < log.time[i] - log.time[start] - 0.5 * batch.tick_duration:
+    tick = 0
+    for moment in time.tolist():
+        while readings.time[0] < moment - 0.5 * batch.tick_duration:
+            commands[0, 0] = drive.throttle[held[tick]], drive.steering[held[tick]]
             batch.step(commands)
+            tick += 1
         r = readings
         rows.append(_row(r.position[0, 0], r.orientation[0, 0], r.velocity[0, 0], r.angular_velocity[0, 0], lever))
     return rows
+
+
+def _left_speed(drive: Drive, part: range) -> float:
+    """Speed to the left at the first of some rows [m/s]: that of a car that slides."""
+    time = drive.time[part[0] : part[-1] + 1]
+    near = slice(part[0], part[0] + int(np.searchsorted(time, time[0] + START)))
+    _, slope = local_parabola(drive.time[near], np.column_stack((drive.x[near], drive.y[near])), np.empty(0), START)
+    heading = float(drive.heading[part[0]])
+    left = math.cos(heading) * slope[0, 1] - math.sin(heading) * slope[0, 0]
+    return float(left) if abs(left) < abs(drive.speed[part[0]]) else 0.0
 
 
 def compare_recording(

@@ -35,35 +35,53 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Se
     for row, (name, spec) in zip(table, vehicles.items(), strict=True):
         row["body"], row["qpos"], row["dof"] = engine.body(name)
         _set_outline(row, spec, [geom for geom in geoms if geom.body == row["body"]])
-        for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
+        for field in ("center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
             row[field] = getattr(spec.body, field)
         row["air_drag"] = 0.5 * AIR_DENSITY * spec.body.drag_area
         row["wheelbase"] = spec.wheelbase
-        row["steering_limit"] = spec.steering.limit
-        row["steering_rate_limit"] = math.inf if spec.steering.rate_limit is None else spec.steering.rate_limit
+        row["steering_limit"], row["command_limits"] = spec.steering.limit, spec.steering.command_limits
+        row["steering_rate_limit"] = _rate(spec.steering.rate_limit)
         row["steering_unwinds_at_once"] = spec.steering.unwinds_at_once
         row["steering_response"] = _response(spec.steering.time_constant, dt)
         row["steering_delay"] = round(spec.steering.dead_time / dt)
-        row["drive_is_speed_controlled"] = spec.drivetrain.control == "speed"
-        row["drive_speed_limit"] = spec.drivetrain.speed_limit
-        row["drive_torque_limit"] = spec.drivetrain.torque_limit
-        row["drive_servo_gain"] = spec.drivetrain.servo_gain
         row["drive_response"] = _response(spec.drivetrain.time_constant, dt)
+        row["drive_rate_limit"] = _rate(spec.drivetrain.rate_limit)
         row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
         row["brake_torque"] = spec.drivetrain.brake_torque
         _set_motor(row, spec.drivetrain)
+        set_factors(row, spec)
     return table
 
 
+def set_factors(row: Table, spec: VehicleSpec) -> None:
+    """Sets all columns of a vehicle that `VehicleSpec.with_factors` changes."""
+    row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
+    row["drive_torque_limit"] = spec.drivetrain.torque_limit
+    knots = () if spec.steering.is_straight else spec.steering.knots
+    _set_curve(row, "steering_curve", "servo", "angle", knots)
+
+
 def _set_motor(row: Table, drivetrain: DrivetrainSpec) -> None:
-    points = row["torque_curve_points"] = len(drivetrain.torque_curve)
-    for k, (speed_rpm, share) in enumerate(drivetrain.torque_curve):
-        row["torque_curve_speed"][k], row["torque_curve_share"][k] = speed_rpm * RPM, share
-    assert points <= CURVE_POINTS
+    row["drive_is_speed_controlled"] = drivetrain.control == "speed"
+    row["drive_is_voltage_controlled"] = drivetrain.control == "voltage"
+    row["drive_coasts"], row["drive_has_reverse"] = drivetrain.coasts, drivetrain.has_reverse
+    row["drive_speed_limit"] = drivetrain.speed_limit
+    row["drive_speed_gain"], row["drive_speed_offset"] = drivetrain.speed_gain, drivetrain.speed_offset_rpm * RPM
+    row["drive_servo_gain"] = drivetrain.servo_gain
+    torque_curve = [(speed_rpm * RPM, share) for speed_rpm, share in drivetrain.torque_curve]
+    _set_curve(row, "torque_curve", "speed", "share", torque_curve)
+    _set_curve(row, "throttle_curve", "throttle", "share", drivetrain.throttle_curve)
     differentials = drivetrain.differentials
     for place in ("front", "centre", "rear"):
         row[f"{place}_differential"] = getattr(differentials, place).limits
     row["has_differentials"] = any(differential.kind != "open" for _, differential in differentials)
+
+
+def _set_curve(row: Table, curve: str, position: str, value: str, points: Sequence[tuple[float, float]]) -> None:
+    assert len(points) <= CURVE_POINTS
+    row[f"{curve}_points"] = len(points)
+    for k, (position_of_point, value_of_point) in enumerate(points):
+        row[f"{curve}_{position}"][k], row[f"{curve}_{value}"][k] = position_of_point, value_of_point
 
 
 def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:
@@ -137,7 +155,7 @@ def set_conditions(
     """
     state = road(surface_of(spec, ground), weather)
     grip = ground.grip * factor * state.grip
-    rows["rolling_resistance"] = state.resistance
+    rows["rolling_resistance"] = spec.wheels.rolling_resistance + state.resistance
     rows["sprung_mass"] = sprung_masses(spec)
     rows["effective_mass"] = effective_masses(spec)
     rows["hold_stiffness"], rows["hold_damping"] = hold_spring(spec, dt)
@@ -160,7 +178,7 @@ def surface_of(spec: VehicleSpec, ground: GroundSpec) -> Surface:
 
 def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
     wheel = spec.wheels
-    for field in ("radius", "damping_rate", "force_height"):
+    for field in ("radius", "damping_rate", "steering_resistance", "force_height"):
         rows[field] = getattr(wheel, field)
     for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
         rows[field] = getattr(wheel.regularisation, field)
@@ -188,17 +206,23 @@ def _set_magic_formula(rows: Table, spec: VehicleSpec, magic: MagicFormulaSpec, 
     rows["nominal_load"] = magic.nominal_load
     rows["stiffness_degression"] = 0.0 if magic.peak_stiffness_load is None else magic.peak_stiffness_load**-2
     stiffness = np.repeat((magic.front_cornering_stiffness, magic.rear_cornering_stiffness), 2)
-    sides = (("forward", magic.forward, np.full(4, magic.slip_stiffness)), ("sideways", magic.sideways, stiffness))
-    for side, (name, curve, stiffnesses) in enumerate(sides):
-        peak = grip * curve.friction
-        rows[name][:, 1] = peak
-        for row, k in zip(rows, stiffnesses.tolist(), strict=True):
+    rear = magic.sideways if magic.rear_sideways is None else magic.rear_sideways
+    curves = [magic.sideways, magic.sideways, rear, rear]
+    sides = (("forward", [magic.forward] * 4, np.full(4, magic.slip_stiffness)), ("sideways", curves, stiffness))
+    for side, (name, curves_of_side, stiffnesses) in enumerate(sides):
+        for row, curve, k in zip(rows, curves_of_side, stiffnesses.tolist(), strict=True):
+            peak = grip * curve.friction
+            row[name][1] = curve.greatest_share * peak
             row[f"magic_{name}"] = peak, k, curve.shape, curve.curvature, curve.load_sensitivity
             row["peak_slip"][side] = curve.normalised_peak_slip * peak / k
             length = magic.relaxation_length[side]
             row["relaxation_length"][side] = length
             # a quarter of the mass on the spring k F_z / length, critically damped
             row["slip_damping"][side] = 2.0 * math.sqrt(0.25 * spec.body.mass / (length * k * magic.nominal_load))
+
+
+def _rate(limit: float | None) -> float:
+    return math.inf if limit is None else limit
 
 
 def _response(time_constant: float, dt: float) -> float:

@@ -26,6 +26,7 @@ MAX_CAMERAS = 20
 
 Inertia: TypeAlias = Annotated[float, Field(ge=1e-9, le=1e6)]
 Relaxation: TypeAlias = Annotated[float, Field(ge=1e-4, le=10.0)]
+Grip: TypeAlias = Annotated[float, Field(ge=0.01, le=10.0)]
 At: TypeAlias = tuple[Offset, Offset, Offset]
 Size: TypeAlias = tuple[Length, Length, Length]
 
@@ -106,8 +107,9 @@ class MagicCurve(Spec):
 
     friction: float = Field(ge=1e-4, le=100)
     """Peak force divided by load, at the nominal load (Pacejka: p_D1)."""
-    shape: float = Field(ge=1, le=2)
-    """Shape factor C; 1: the force does not fall beyond its peak."""
+    shape: float = Field(ge=0.3, le=2)
+    """Shape factor C; 1: the force does not fall beyond its peak. Below 1 it rises at any slip, to sin(C pi / 2) of the
+    peak that `friction` names."""
     curvature: float = Field(ge=-10, le=1)
     """Curvature factor E; smaller: a sharper peak."""
     load_sensitivity: float = Field(default=0.0, ge=0, le=1)
@@ -120,6 +122,14 @@ class MagicCurve(Spec):
         forces = [magic_shape(slip, self.shape, self.curvature) for slip in slips.tolist()]
         return float(slips[int(np.argmax(forces))])
 
+    @property
+    def greatest_share(self) -> float:
+        """Greatest force as a share of D: the limit at any slip (Pacejka (4.6)) for shapes below 1."""
+        if self.shape >= 1.0:
+            return 1.0
+        # the argument of the outer arc tangent is unbounded, but with E = 1 it approaches pi / 2
+        return math.sin(self.shape * (0.5 * math.pi if self.curvature < 1.0 else math.atan(0.5 * math.pi)))
+
 
 class MagicFormulaSpec(Spec):
     """Tyre force by the magic formula, with the influence of the load and relaxation lengths (Pacejka 2012)."""
@@ -128,6 +138,8 @@ class MagicFormulaSpec(Spec):
     """Load at which the values below hold [N]."""
     forward: MagicCurve
     sideways: MagicCurve
+    rear_sideways: MagicCurve | None = None
+    """The curve of the rear wheels; left out: as `sideways`."""
     slip_stiffness: float = Field(ge=1e-2, le=1e3)
     """Longitudinal force per slip ratio and load (p_Kx1)."""
     front_cornering_stiffness: float = Field(ge=1e-2, le=1e3)
@@ -215,6 +227,10 @@ class WheelSpec(Spec):
     wall beside them; left out: that of the body."""
     damping_rate: float = Field(ge=0, le=1e4)
     """Resisting torque per spin [N m s/rad] (kg m^2/s in Unity)."""
+    rolling_resistance: float = Field(default=0.0, ge=0, le=1)
+    """Resisting force of a rolling wheel per load, at any speed and on any surface (Coulomb)."""
+    steering_resistance: float = Field(default=0.0, ge=0, le=10)
+    """Resisting force of a steered wheel that rolls, per load and angle, in addition [1/rad]."""
     force_height: Offset
     """Height of the point where the force acts above the base of the wheel (Unity: force app point distance) [m]."""
     suspension: SuspensionSpec
@@ -222,6 +238,9 @@ class WheelSpec(Spec):
     sideways_friction: FrictionCurve | None = None
     magic_formula: MagicFormulaSpec | None = None
     regularisation: RegularisationSpec
+    surfaces: Annotated[dict[str, Grip], Field(max_length=20)] = Field(default_factory=dict)
+    """Friction of these tyres on named floors, as a factor of the values of this file: {rubber: 1.0, tape: 0.43};
+    `surface` of a vehicle in a scenario names the floor."""
     weather: TyreWeatherSpec | None = None
     """What water and snow do to the tyres; left out: as the surface of the map says."""
 
@@ -402,8 +421,16 @@ class VehicleSpec(Spec):
 
     @property
     def full_throttle_speed(self) -> float:
-        """Speed of the treads at full throttle [m/s]: torque, too, is limited by the damping of the wheels."""
+        """Speed of the treads that full throttle asks for [m/s], or reaches in torque and voltage control.
+
+        There the damping of the wheels limits it; in voltage control their rolling resistance does so, too.
+        """
         drive, damping = self.drivetrain, self.wheels.damping_rate
+        if drive.control == "voltage":
+            driven = 2 * (self.axles.front.is_driven + self.axles.rear.is_driven)
+            resistance = self.wheels.rolling_resistance * self.body.mass * GRAVITY * self.wheels.radius / driven
+            loss = drive.torque_limit / drive.speed_limit + damping * 4 / driven
+            return self.wheels.radius * max(0.01 * drive.speed_limit, (drive.torque_limit - resistance) / loss)
         is_damped = drive.control == "torque" and damping * drive.speed_limit > drive.torque_limit
         return self.wheels.radius * (drive.torque_limit / damping if is_damped else drive.speed_limit)
 
@@ -424,11 +451,23 @@ class VehicleSpec(Spec):
         ends = (box.position[0] + box.size[0] / 2 for box in self.colliders.values())
         return max(self.hubs[0][0] + self.wheels.radius, *ends)
 
-    def with_mass_factor(self, factor: float) -> VehicleSpec:
-        """A vehicle with `factor` times the mass and the inertia of this one."""
-        body = self.body
-        heavier = {"mass": factor * body.mass, "inertia": tuple(factor * moment for moment in body.inertia)}
-        return self.model_copy(update={"body": body.model_copy(update=heavier)})
+    def with_factors(self, mass: float = 1.0, drive: float = 1.0, trim: float = 0.0) -> VehicleSpec:
+        """A vehicle with `mass` times the mass and the inertia, and `drive` times the torque of the motors of this one.
+
+        `trim`: angle that is added to those of the steered wheels [rad].
+        """
+        body, drivetrain, steering = self.body, self.drivetrain, self.steering
+        heavier = {"mass": mass * body.mass, "inertia": tuple(mass * moment for moment in body.inertia)}
+        changed = {
+            "body": body.model_copy(update=heavier),
+            "drivetrain": drivetrain.model_copy(update={"torque_limit": drive * drivetrain.torque_limit}),
+            "steering": steering.model_copy(update={"offset_deg": steering.offset_deg + math.degrees(trim)}),
+        }
+        return self.model_copy(update=changed)
+
+    def grip_on(self, surface: str | None) -> float:
+        """Factor of the friction on a floor of `wheels.surfaces`; None: 1."""
+        return 1.0 if surface is None else self.wheels.surfaces[surface]
 
 
 def load_vehicle(name: str) -> VehicleSpec:

@@ -28,12 +28,14 @@ from autodrive.physics.sensors.tables import set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_commands, check_flag, check_seed, check_weather
 from autodrive.protocol.messages import Command, Headlights, Weather
-from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.scenario import DEFAULT, NEUTRAL, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
-from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import set_conditions, set_factors, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.columns import Rows, rows_of_batch
+from autodrive.world.compile import grip_factors, placed_vehicle
 from autodrive.world.factory import compile_scenario
+from autodrive.world.motion import checked_motions, checked_rows, set_linkage, set_motion
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.pictures import pictures_of
 from autodrive.world.poses import overlapping
@@ -46,9 +48,6 @@ BLOCK = 16
 
 BLOCKS = 8
 """Blocks of worlds for each thread, at most: worlds in contact take longer than others."""
-
-MAX_SPEED = 1000.0
-"""Greatest speed [m/s] and yaw rate [rad/s] of a vehicle at its start."""
 
 
 class BatchWorld(OneThread):
@@ -110,12 +109,11 @@ class BatchWorld(OneThread):
         self.readings = readings_of(self.worlds, self._time, len(self.object_names))
         """States and sensor readings of all worlds at the present instant."""
         self._seeds = [int(seed) + k for k in range(n)]
-        self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
-        """Factor of each vehicle in the present episode of each world, by name, shape (n, v)."""
+        self._factors = {name: np.full((n, len(c.vehicles)), value) for name, value in NEUTRAL.items()}
+        """Factors and trim of each vehicle in the present episode of each world, by name, shape (n, v)."""
         self.weathers = [ChangingWeather().at(0.0)] * n
         """Weather of the present episode of each world, with wetness and snow cover."""
-        self._noise = np.full((n, len(c.vehicles)), np.nan)
-        """Factor of the noise of each vehicle that is set in each world, shape (n, v)."""
+        self._factors["noise"][:] = np.nan  # no noise is set yet
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
@@ -165,10 +163,13 @@ class BatchWorld(OneThread):
         *,
         poses: Mapping[str, ArrayLike] | None = None,
         motions: Mapping[str, ArrayLike] | None = None,
+        past_commands: Mapping[str, ArrayLike] | None = None,
         vehicles: Mapping[str, Sequence[VehicleSpec]] | None = None,
         mass: ArrayLike = 1.0,
         grip: ArrayLike = 1.0,
         noise: ArrayLike = 1.0,
+        drive: ArrayLike = 1.0,
+        trim: ArrayLike = 0.0,
         weather: Weather | Sequence[Weather] | None = None,
     ) -> Readings:
         """Return some worlds to the start, all at once; nothing of their last episode remains.
@@ -176,11 +177,13 @@ class BatchWorld(OneThread):
         `worlds`: a mask of shape (n,), or m numbers of worlds; None: all. `seeds`: new ones, shape (m,); a seed stays
         until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
         or (3,); the others are where the scenario places them, the traffic is where the seed does. `mass`, `grip`,
-        `noise`: the factors of `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or
-        (m, v).
+        `noise`, `drive`: the factors of `VehiclePlacement` in addition to those of the scenario, one number or shape
+        (m,) or (m, v); `trim`: as its `steering_trim` [rad], which it adds to.
 
         `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
         the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
+        `past_commands`: throttle and steering in the ticks before the start, oldest first, by name, shape (m, t, 2) or
+        (t, 2); actuators and dead times follow them, from those of `motions` on.
         `vehicles`: other parameters of dynamics and actuators until the next reset, by name, a Spec for each of the m
         worlds; colliders, sensors and the longest dead times remain those of the scenario.
         `weather`: until the next reset, one for all or one for each of the m worlds; None: that of the scenario.
@@ -191,12 +194,11 @@ class BatchWorld(OneThread):
         self._check_open()
         chosen = self._checked_worlds(worlds)
         new_seeds = self._checked_seeds(seeds, chosen)
-        unchecked = {"mass": mass, "grip": grip, "noise": noise}
+        unchecked = {"mass": mass, "grip": grip, "noise": noise, "drive": drive, "trim": trim}
         factors = {name: self._checked_factor(name, factor, chosen) for name, factor in unchecked.items()}
         qpos = self._checked_starts(poses or {}, chosen, new_seeds)
-        moving = {
-            self._vehicle(name): self._checked_motion(name, motion, chosen) for name, motion in (motions or {}).items()
-        }
+        starts = checked_motions(motions, past_commands, len(chosen))
+        moving = {self._vehicle(name): start for name, start in starts.items()}
         own = self._checked_vehicles(vehicles or {}, chosen)
         weathers = self._checked_weathers(self.spec.weather.message if weather is None else weather, chosen)
         w = self.worlds
@@ -209,10 +211,11 @@ class BatchWorld(OneThread):
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
-            its_factors = {name: values[row] for name, values in factors.items()}
-            self._set_parameters(k, its_factors, own[row], weathers[row], tables)
-        for i, motion in moving.items():
-            self._set_motion(chosen, i, motion)
+            factors_of_world = {name: values[row] for name, values in factors.items()}
+            self._set_parameters(k, factors_of_world, own[row], weathers[row], tables)
+        set_linkage(w, chosen)
+        for i, start in moving.items() if len(chosen) else ():
+            set_motion(self._threads[0], w, chosen, i, start)
         self._begin(self._threads[0], chosen)
         return self._show()
 
@@ -263,61 +266,45 @@ class BatchWorld(OneThread):
         tables: dict[tuple[object, ...], tuple[Table, Table]],
     ) -> None:
         """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
-        w = self.worlds
-        is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
+        w, noises = self.worlds, self._factors["noise"][k]
+        of_tables = {name: values.tolist() for name, values in factors.items() if name != "noise"}
+        is_other = any(self._factors[name][k].tolist() != values for name, values in of_tables.items())
         if is_other or own or self._has_own_vehicles[k] or weather != self.weathers[k]:
             self.weathers[k] = weather
-            for name, before in self._factors.items():
-                before[k] = factors[name]
+            for name, values in of_tables.items():
+                self._factors[name][k] = values
             self._has_own_vehicles[k] = bool(own)
-            key = (*map(id, own.values()), *factors["mass"].tolist(), *factors["grip"].tolist(), weather)
+            key = (*map(id, own.values()), *(tuple(values) for values in of_tables.values()), weather)
             if key not in tables:
-                tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own, weather)
+                tables[key] = self._tables(of_tables, own, weather)
             w.vehicles[k], w.wheels[k] = tables[key]
         for i, (name, specs_of) in enumerate(self._specs.items()):
-            if (noise := float(factors["noise"][i])) != self._noise[k, i]:
-                self._noise[k, i] = noise
+            if (noise := float(factors["noise"][i])) != noises[i]:
+                noises[i] = noise
                 set_noise(w.noise, k, i, specs_of, noise)
             start_noise(w.noise, k, i, name, self._seeds[k])
             if isinstance(lidar := specs_of.get("lidar"), LidarSpec):
                 set_lidar_weather(w.noise, k, i, name, weather, lidar, self._seeds[k])
 
     def _tables(
-        self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec], weather: Weather
+        self, factors: Mapping[str, Sequence[float]], own: Mapping[str, VehicleSpec], weather: Weather
     ) -> tuple[Table, Table]:
         """Tables of vehicles and wheels of a world."""
         c, placed = self.compiled, self.compiled.spec.vehicles  # with the traffic
+        of_vehicles = zip(c.vehicles.items(), *(factors[name] for name in ("mass", "drive", "trim")), strict=True)
         specs = {
-            name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
-            for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
+            name: (placed_vehicle(own[name], placed[name]) if name in own else spec).with_factors(*of_vehicle)
+            for (name, spec), *of_vehicle in of_vehicles
         }
-        factors = [placement.grip_factor * grip for placement, grip in zip(placed.values(), grips, strict=True)]
+        grips = np.multiply(grip_factors(c.spec, specs), factors["grip"]).tolist()
         if own:
             vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep)
-            return vehicles, wheel_table([*specs.values()], factors, c.spec.substep, c.map.ground, weather)
+            return vehicles, wheel_table([*specs.values()], grips, c.spec.substep, c.map.ground, weather)
         vehicles, wheels = c.model.vehicles.copy(), c.model.wheels.copy()
-        for i, (spec, factor) in enumerate(zip(specs.values(), factors, strict=True)):
-            vehicles[i]["mass"], vehicles[i]["inertia"] = spec.body.mass, spec.body.inertia
+        for i, (spec, factor) in enumerate(zip(specs.values(), grips, strict=True)):
+            set_factors(vehicles[i], spec)
             set_conditions(wheels[4 * i : 4 * i + 4], spec, factor, c.spec.substep, c.map.ground, weather)
         return vehicles, wheels
-
-    def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
-        """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
-        s, w = self.worlds.state, self.worlds
-        table = w.vehicles[0, i]
-        dof, at = int(table["dof"]), int(table["qpos"])
-        forward, left, rate, throttle, steering = motion.T
-        yaw = 2.0 * np.arctan2(s.qpos[chosen, at + 6], s.qpos[chosen, at + 3])
-        s.qvel[chosen, dof] = np.cos(yaw) * forward - np.sin(yaw) * left
-        s.qvel[chosen, dof + 1] = np.sin(yaw) * forward + np.cos(yaw) * left
-        s.qvel[chosen, dof + 5] = rate
-        wheels = w.wheels[chosen, 4 * i : 4 * i + 4]
-        spin = (forward[:, None] - rate[:, None] * wheels["hub"][..., 1]) / wheels["radius"]
-        s.wheel_angular_velocity[chosen, 4 * i : 4 * i + 4] = spin
-        angle = steering * w.vehicles[chosen, i]["steering_limit"]
-        s.throttle[chosen, i] = s.drive_level[chosen, i] = throttle
-        s.steering_target[chosen, i] = s.steering_angle[chosen, i] = angle
-        s.throttle_queue[chosen, i], s.steering_queue[chosen, i] = throttle[:, None], angle[:, None]
 
     # -- checks of arguments -------------------------------------------------------------------------------------
 
@@ -378,7 +365,8 @@ class BatchWorld(OneThread):
         except (TypeError, ValueError):
             raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
         if not ((values >= limits[0]) & (values <= limits[1])).all():
-            raise CommandError(f"{name} is a factor from {limits[0]:g} to {limits[1]:g}")
+            kind = "an angle [rad]" if name == "trim" else "a factor"
+            raise CommandError(f"{name} is {kind} from {limits[0]:g} to {limits[1]:g}")
         return values
 
     def _vehicle(self, name: str) -> int:
@@ -386,17 +374,6 @@ class BatchWorld(OneThread):
         if name not in self.vehicle_names:
             raise CommandError(f"vehicle '{name}' is not in these worlds. {suggest(str(name), self.vehicle_names)}")
         return self.vehicle_names.index(name)
-
-    def _checked_motion(self, name: str, motion: ArrayLike, chosen: Integers) -> Floats:
-        """The motion of a vehicle at the start of each of the m chosen worlds, shape (m, 5). Raises `CommandError`."""
-        columns = "forward and left speed, yaw rate, throttle, steering"
-        values = _checked_rows(f"the motions of '{name}'", motion, (len(chosen), 5), columns)
-        if not (np.abs(values) <= (*(MAX_SPEED,) * 3, 1.0, 1.0)).all():
-            raise CommandError(
-                f"the speeds of '{name}' must be numbers from {-MAX_SPEED:g} to {MAX_SPEED:g}, its throttle and "
-                "steering from -1 to 1"
-            )
-        return values
 
     def _checked_vehicles(
         self, vehicles: Mapping[str, Sequence[VehicleSpec]], chosen: Integers
@@ -407,6 +384,9 @@ class BatchWorld(OneThread):
             self._vehicle(name)
             if len(specs) != len(chosen):
                 raise CommandError(f"there must be a Spec of '{name}' for each of the {len(chosen)} worlds")
+            surface = self.compiled.spec.vehicles[name].surface
+            if any(surface not in (None, *spec.wheels.surfaces) for spec in specs):
+                raise CommandError(f"'{name}' is on the floor '{surface}', which 'wheels.surfaces' of a Spec lacks")
             for part in ("steering", "drivetrain"):
                 if any(round(getattr(spec, part).dead_time / self.spec.substep) > longest for spec in specs):
                     raise CommandError(
@@ -431,7 +411,7 @@ class BatchWorld(OneThread):
         for name, pose in poses.items():
             if name not in self._on_ground:
                 raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(self._on_ground))}")
-            values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
+            values = checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
             for row, pose_of_row in zip(qpos, values.tolist(), strict=True):
@@ -454,11 +434,3 @@ class BatchWorld(OneThread):
         """Write the pose of a vehicle or an object on the ground into a row of `State.qpos`."""
         start, standing = self._on_ground[name]
         qpos[start : start + 7] = standing(x, y, yaw)
-
-
-def _checked_rows(name: str, rows: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:
-    """The rows as numbers in the given shape; a single row is repeated. Raises `CommandError`."""
-    try:
-        return np.broadcast_to(np.asarray(rows, dtype=np.float64), shape)
-    except (TypeError, ValueError):
-        raise CommandError(f"{name} must have the shape {shape}: {columns}") from None

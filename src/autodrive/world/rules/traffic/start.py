@@ -30,8 +30,10 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
         return spec, [(at, ": a scenario with a race cannot have traffic; remove one of them")]
     if map_.track is not None:
         return spec, [(at, f": map '{spec.map_name}' is a race track; traffic needs a map with roads")]
-    if vehicle.drivetrain.control != "speed":
-        return spec, [(at, f": the throttle of '{spec.traffic.type}' must set a speed (control: speed), not a torque")]
+    drivetrain = vehicle.drivetrain
+    if drivetrain.control != "speed" or drivetrain.coasts:
+        text = "set a speed (control: speed), not a torque" if drivetrain.control != "speed" else "brake at 0 (coasts)"
+        return spec, [(at, f": the throttle of '{spec.traffic.type}' must {text}")]
     for name in spec.traffic.names:  # in an edit or a recording they are among the vehicles, all sensors off
         placement = spec.vehicles.get(name)
         if placement and (not placement.sensors or any(sensor.is_on for sensor in placement.sensors.values())):

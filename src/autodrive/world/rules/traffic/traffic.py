@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from autodrive.physics.model import Table
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import Map
 from autodrive.scenario.maps.roads import NO_ROADS, roads
@@ -28,9 +27,8 @@ class Fleet:
         map_: Map,
         vehicles: Mapping[str, VehicleSpec],
         boxes: Sequence[tuple[int, tuple[float, float, float]]],
-        table: Table,
     ) -> None:
-        """`vehicles`: all of a world, in the order of the rows of `table`, which is `Model.vehicles`.
+        """`vehicles`: all of a world, in the order of the rows of `Model.vehicles`.
 
         `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
         """
@@ -46,11 +44,11 @@ class Fleet:
         self._speed = spec.traffic.speed
         order = list(vehicles)
         cars = np.zeros(len(order), CAR)
-        for car, parameters, (name, vehicle) in zip(cars, table, vehicles.items(), strict=True):
+        for car, (name, vehicle) in zip(cars, vehicles.items(), strict=True):
             car["driver"] = names.index(name) if name in names else NONE
             car["front"], car["rear"] = reach(vehicle)
             car["half_width"], car["wheelbase"] = vehicle.size[1] / 2.0, vehicle.wheelbase
-            car["steering_limit"] = parameters["steering_limit"]
+            car["steering_limit"] = vehicle.steering.largest_angle
             car["top_speed"] = vehicle.full_throttle_speed
         self.table = TrafficTable(
             roads=links,

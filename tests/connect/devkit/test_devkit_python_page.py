@@ -1,4 +1,4 @@
-"""docs/python.md: its tables match the devkit, and its programs run."""
+"""docs/devkit_python.md: its tables match the devkit, and its program drives."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from autodrive.protocol.devkit_profile import PROFILES
 from tests.protocol.devkit_frames import frame
 from tests.support.waiting import free_port, is_listening, wait_until
 
-PAGE = (Path(__file__).parents[3] / "docs" / "python.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs" / "devkit_python.md").read_text()
 
 
 def rows(*, of_commands: bool) -> dict[str, str]:
@@ -75,9 +75,3 @@ def test_the_first_program_drives(tmp_path: Path) -> None:
             assert bridge.counters.profile == "2025"
         script.kill()
     assert simulation.frame.vehicles["V1"].pose.position[0] > 0.2
-
-
-def test_the_program_that_runs_a_scenario_prints_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
-    (source,) = re.findall(r"```python\n(from autodrive.run .*?)```", PAGE, re.DOTALL)
-    exec(compile(source, "docs/python.md", "exec"), {})
-    assert re.match(r"200 ticks, \d+ times real time\n\(", capsys.readouterr().out)

@@ -1,0 +1,1 @@
+"""Deployment: a folder with which a policy drives a real car, and a report of how car and simulator differ."""
