@@ -1,6 +1,6 @@
 """Makes the film of builder.md: a town and a track are built, driven on and sent.
 
-`uv run docs/images/builder_film.py town,link film.webm` writes some parts only, to another file.
+`python -m docs.images.builder_film town,link film.webm` writes some parts only, to another file.
 """
 
 from __future__ import annotations
@@ -8,10 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from filmed_page import FilmedPage, filmed_page
-
 from autodrive.protocol.messages import SetTrafficLight, TrafficLightState
 from autodrive.recording.film.video import Video
+from docs.images.filmed_page import FilmedPage, filmed_page
 
 FILE = Path(__file__).parent / "builder.webm"
 SIZE = 1024, 640

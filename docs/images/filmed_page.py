@@ -7,6 +7,7 @@ between images: motions are as smooth as on the fastest machine.
 from __future__ import annotations
 
 import io
+import json
 import math
 import shutil
 import sys
@@ -30,6 +31,8 @@ from autodrive.run.runner import RunObserver, opened
 from autodrive.world.simulation import Simulation
 
 HERE = Path(__file__).parent
+SIDECAR = HERE / "buttons.json"
+"""For each picture and film of the page: the names of the buttons of the bars that it shows."""
 Write: TypeAlias = Callable[[NDArray[np.uint8]], None]
 
 TICKS = 2
@@ -69,6 +72,12 @@ addEventListener('DOMContentLoaded', () => {
   }, true)
 })
 """
+BUTTONS = """
+() => [...document.querySelectorAll('.toolbar button, .edit-bar button')]
+  .filter((button) => !button.closest('[hidden]') && getComputedStyle(button).display !== 'none')
+  .map((button) => button.dataset.testid)
+"""
+"""Names of the buttons that the bars of the page show."""
 
 
 class FilmedPage:
@@ -256,3 +265,10 @@ def filmed_page(
         film = FilmedPage(page, run.simulation, rate, write)
         film.open(f"{run.link}?quality={quality}#menu=0&hud=0")
         yield film
+
+
+def note_buttons(film: FilmedPage, name: str) -> None:
+    """Write into `SIDECAR` which buttons the page shows in the picture or film of that name."""
+    known = json.loads(SIDECAR.read_text(encoding="utf-8")) if SIDECAR.exists() else {}
+    known[name] = film.page.evaluate(BUTTONS)
+    SIDECAR.write_text(json.dumps(dict(sorted(known.items())), indent=2) + "\n", encoding="utf-8")

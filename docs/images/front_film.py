@@ -1,6 +1,6 @@
 """Makes the film of the front page: a car drives in a town, roads are built, a car races, and the race is replayed.
 
-`uv run docs/images/front_film.py race,replay film.webp` writes some parts only, to another file.
+`python -m docs.images.front_film race,replay film.webp` writes some parts only, to another file.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from filmed_page import FilmedPage, filmed_page
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -20,6 +19,7 @@ from autodrive.recording import Recorder
 from autodrive.recording.replay import Replay, ReplayOptions
 from autodrive.run.included_driver import driver_of
 from autodrive.run.options import PageOptions
+from docs.images.filmed_page import FilmedPage, filmed_page, note_buttons
 
 FILE = Path(__file__).parent / "film.webp"
 PAGE = 1120, 630
@@ -38,6 +38,7 @@ def town(film: FilmedPage) -> None:
     """A car drives among the traffic."""
     film.simulation.request(SetDrivingMode("V1", True)).result()
     film.drive(2.5, speed=1.5)
+    note_buttons(film, "film")
 
 
 def build(film: FilmedPage) -> None:

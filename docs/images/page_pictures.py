@@ -1,19 +1,17 @@
-"""Makes the pictures of the page, and `page_pictures.json` with the buttons of the bars that each of them shows.
+"""Makes the pictures of the page.
 
-`uv run docs/images/page_pictures.py [NAME,...]` makes all, or those of these names.
+`python -m docs.images.page_pictures [NAME,...]` makes all, or those of these names.
 """
 
 from __future__ import annotations
 
 import io
-import json
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from filmed_page import HERE, FilmedPage, filmed_page
 from PIL import Image, ImageDraw
 
 import autodrive
@@ -21,20 +19,14 @@ from autodrive.protocol.messages import Command, Headlights, Indicators
 from autodrive.recording import Recorder
 from autodrive.recording.replay import Replay, ReplayOptions
 from autodrive.run.options import PageOptions
+from docs.images.filmed_page import HERE, FilmedPage, filmed_page, note_buttons
 
-SIDECAR = HERE / "page_pictures.json"
 SIZE = 1280, 720
 """Width and height of a picture [pixels]."""
 QUALITY = 80
 """Of WebP, 0 to 100."""
 HIDDEN = "#film-pointer, .preview-figures { display: none }"
 """Rates of images are those of a simulator that waits for the picture."""
-BUTTONS = """
-() => [...document.querySelectorAll('.toolbar button, .edit-bar button')]
-  .filter((button) => !button.closest('[hidden]') && getComputedStyle(button).display !== 'none')
-  .map((button) => button.dataset.testid)
-"""
-"""Names of the buttons that the bars of the page show."""
 
 
 def page_day(film: FilmedPage) -> None:
@@ -128,13 +120,13 @@ PICTURES: tuple[Callable[[FilmedPage], None], ...] = (
 
 
 def _save(film: FilmedPage, name: str) -> None:
+    if film.value("store.isHudOpen.value"):
+        film.wait(lambda: film.draw() or film.page.locator("[data-testid=hud-front-camera][data-state=live]").count())
     film.page.add_style_tag(content=HIDDEN)
     for _ in range(20):  # what moves comes to rest
         film.draw()
     Image.fromarray(film.picture()).save(HERE / f"{name}.webp", quality=QUALITY, method=6)
-    known = json.loads(SIDECAR.read_text(encoding="utf-8")) if SIDECAR.exists() else {}
-    known[name] = film.page.evaluate(BUTTONS)
-    SIDECAR.write_text(json.dumps(dict(sorted(known.items())), indent=2) + "\n", encoding="utf-8")
+    note_buttons(film, name)
     print(name, flush=True)
 
 
