@@ -45,7 +45,7 @@ NOT_RUN_HERE = {
     r"autodrive play runs/": "needs a trained policy; tests/experiments/policies trains and plays one",
     r"autodrive play (crossing|duel)": "needs a network, or a minute; tests/experiments/policies plays all of them",
     r"autodrive run --host 0\.0\.0\.0": "opens this machine to others; tests/connect/server does so for one test",
-    r"autodrive (import track|compare (\"V1 Log|\w+\.csv))": "needs a file of the user; tests of the format run it",
+    r"autodrive (import track|compare (\"V1 Log|\w+\.csv|bags|lab))": "needs a file of the user; other tests run it",
     r"autodrive (film|replay) (lap|recordings/)": "needs a recording with cameras; tests/recording runs it",
     r"autodrive (run|export recording) .*town\.mcap": "draws for a minute; tests/recording/exports runs it",
 }

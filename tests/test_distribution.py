@@ -65,18 +65,24 @@ def test_the_wheel_contains_the_page(tmp_path: Path) -> None:
     assert list(problems(wheel, set())) == []
 
 
-@pytest.fixture
-def hook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The build hook in a tree of its own, whose `scripts/page` fails; hatchling itself is not needed."""
-    interface = types.ModuleType("hatchling.builders.hooks.plugin.interface")
-    interface.BuildHookInterface = object  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setitem(sys.modules, interface.__name__, interface)
+def hooks(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The module `hatch_build`, with empty classes for those of hatchling."""
+    for name, kind in (("builders.hooks", "BuildHookInterface"), ("metadata", "MetadataHookInterface")):
+        interface = types.ModuleType(f"hatchling.{name}.plugin.interface")
+        setattr(interface, kind, object)
+        monkeypatch.setitem(sys.modules, interface.__name__, interface)
     spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    made = module.PageBuildHook()
+    return module
+
+
+@pytest.fixture
+def hook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The build hook in a tree of its own, whose `scripts/page` fails; hatchling itself is not needed."""
+    made = hooks(monkeypatch).PageBuildHook()
     made.root = str(tmp_path)
     (tmp_path / "scripts").mkdir()
     (tmp_path / "scripts/page").write_text("touch was-asked\nexit 1\n")
@@ -92,6 +98,24 @@ def test_a_wheel_without_its_page_is_not_built(hook: Any) -> None:
 def test_an_editable_install_builds_no_page(hook: Any) -> None:
     hook.initialize("editable", {})
     assert not Path(hook.root, "was-asked").exists()
+
+
+def test_the_links_of_the_readme_lead_to_the_repository_when_its_address_is_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = hooks(monkeypatch).ReadmeHook()
+    made.root = str(ROOT)
+    metadata: dict[str, Any] = {"version": "1.0.0", "urls": {"Repository": "https://code.example.org/lab/simulator/"}}
+    made.update(metadata)
+    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", metadata["readme"]["text"])
+    assert len(links) > 50
+    for picture, link in links:
+        if not link.startswith("#"):
+            start = f"https://code.example.org/lab/simulator/{'raw' if picture else 'blob'}/v1.0.0/"
+            assert link.startswith(start)
+            assert (ROOT / link.removeprefix(start).partition("#")[0]).exists(), link
+    made.update(unknown := {"version": "1.0.0"})
+    assert unknown["readme"] == {"content-type": "text/markdown", "text": (ROOT / "README.md").read_text()}  # pyright: ignore
 
 
 # -- the files of a release -------------------------------------------------------------------------------------

@@ -281,13 +281,21 @@ def test_the_duration_of_the_first_start_is_that_of_its_message() -> None:
             },
         ),
         ("scripts/test", r"in about (\w+) minutes", {"README.md": r"--quick takes about (\w+) minutes"}),
+        (
+            "docs/performance.md",
+            r"memory of each world after the first \| [\d.]+ / ([\d.]+) KiB",
+            {"docs/batch.md": r"A world needs about (\d+) KiB"},
+        ),
+        ("docs/scaling_out.md", r"x ([\d.]+) MB a minute", {"docs/performance.md": r"% / ([\d.]+) MB a minute"}),
     ],
 )
 def test_a_figure_in_several_places_is_the_same(place: str, figure: str, quotes: dict[str, str]) -> None:
     def said(file: str, pattern: str) -> list[str]:
         return re.findall(pattern, (DOCS.parent / file).read_text(encoding="utf-8"))
 
+    def rounded(value: str) -> str:
+        return f"{float(value):.2g}" if value[0].isdigit() else value
+
     (value,) = said(place, figure)
-    rounded = f"{round(int(value), -1)}" if value.isdigit() else value
     for file, pattern in quotes.items():
-        assert said(file, pattern) == [rounded], file
+        assert [rounded(quote) for quote in said(file, pattern)] == [rounded(value)], file

@@ -23,7 +23,8 @@ RecordingOrLog: TypeAlias = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
-        help="A recording (.mcap), a log of AutoDRIVE's data recorder, or a table with a header (.csv, .csv.gz).",
+        help="A recording (.mcap), a log of AutoDRIVE's data recorder, a table with a header (.csv, .csv.gz), or a ROS "
+        "bag.",
     ),
 ]
 Steering: TypeAlias = Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")]
@@ -33,6 +34,14 @@ Columns: TypeAlias = Annotated[
         metavar="NAME=COLUMN,...",
         help="Columns of a table: time, x, y, yaw, speed, yaw_rate, throttle, steering, steering_angle, safety, "
         "command_time, run. With unit, scale and constant: yaw=psi [deg], throttle=u*0.01-0.2",
+    ),
+]
+Topics: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=TOPIC,...",
+        help="Topics of a ROS bag: pose, odometry, command, imu, or a column, such as throttle=/cmd:data*0.5.  "
+        "[default: by their types]",
     ),
 ]
 Run: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="Only this run of a table.  [default: all]")]

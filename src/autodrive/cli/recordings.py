@@ -20,6 +20,7 @@ from autodrive.cli.options import (
     RecordingOrLog,
     Run,
     Steering,
+    Topics,
     TrackedPoint,
     check_outputs,
     option,
@@ -134,6 +135,7 @@ def compare(
     type_: str = option("Name or file of another type of that vehicle.", "", "--type", metavar="NAME"),
     steering: Steering = "left",
     columns: Columns = "",
+    topics: Topics = "",
     run: Run = "",
     tracked_point: TrackedPoint = "0,0",
     heading_offset: HeadingOffset = 0.0,
@@ -143,7 +145,7 @@ def compare(
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
     from autodrive.recording.drives import LogOptions, read_drives
-    from autodrive.recording.drives.reading import is_recorder_log
+    from autodrive.recording.drives.reading import has_ros_messages, is_recorder_log
     from autodrive.recording.drives.recorder_log import read
     from autodrive.recording.exports.comparison import compare_drive, compare_log, compare_recording
     from autodrive.recording.plot import check_suffix
@@ -151,12 +153,12 @@ def compare(
     if output is not None:
         check_suffix(output)
         check_outputs(output, is_forced=force)
-    if file.suffix.lower() == ".mcap":
+    if file.suffix.lower() == ".mcap" and not has_ros_messages(file):
         with _opened(file) as recording:
             comparisons = {"": compare_recording(recording, vehicle, scenario, type_=type_)}
     elif vehicle:
         raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
-    elif not (columns or run) and is_recorder_log(file):
+    elif not (columns or run or topics) and is_recorder_log(file):
         log = read(file, is_left_positive=steering == "left")
         comparisons = {"": compare_log(log, scenario, type_=type_)}
     else:
@@ -164,6 +166,7 @@ def compare(
             run=run,
             is_left_positive=steering == "left",
             columns=columns,
+            topics=topics,
             tracked_point=point(tracked_point, "--tracked-point"),
             heading_offset=heading_offset,
             clock_offset=clock_offset,

@@ -110,11 +110,20 @@ def columns_of(header: Sequence[str], option: str) -> dict[str, TableColumn]:
             if matches:
                 columns[quantity] = _column(quantity, header, matches, "", units, 1.0, 0.0)
         else:
-            columns[quantity] = _mapped(quantity, source, header, units)
+            columns[quantity] = mapped_column(quantity, source, header, units)
     return columns
 
 
-def _mapped(quantity: str, source: str, header: Sequence[str], units: dict[str, float]) -> TableColumn:
+def source_name(source: str) -> str:
+    """The name in a source such as '-name [unit] * 2 + 1'."""
+    match = _FORMULA.fullmatch(source)
+    return match["name"] if match else source
+
+
+def mapped_column(
+    quantity: str, source: str, header: Sequence[str], units: dict[str, float], option: str = "--columns"
+) -> TableColumn:
+    """The column of a source such as '-name [unit] * 2 + 1'. Raises `RecordingError`."""
     matches = [i for i, cell in enumerate(header) if source in (cell, _split(cell, units)[0])]
     if matches:
         return _column(quantity, header, matches, "", units, 1.0, 0.0)
@@ -122,11 +131,11 @@ def _mapped(quantity: str, source: str, header: Sequence[str], units: dict[str, 
     name = match["name"] if match else source
     matches = [i for i, cell in enumerate(header) if name in (cell, _split(cell, units)[0])]
     if match is None or not matches:
-        raise RecordingError(f"--columns: the table has no column '{name[:80]}'. {suggest(name, [*header])}")
+        raise RecordingError(f"{option}: the table has no column '{name[:80]}'. {suggest(name, [*header])}")
     factor = float(match["factor"] or 1.0)
     if match["operator"] == "/":
         if factor == 0.0:
-            raise RecordingError(f"--columns: '{quantity}' is divided by 0")
+            raise RecordingError(f"{option}: '{quantity}' is divided by 0")
         factor = 1.0 / factor
     scale = -factor if match["minus"] else factor
     constant = float((match["constant"] or "0").replace(" ", ""))

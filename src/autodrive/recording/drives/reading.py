@@ -13,11 +13,13 @@ from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import Collision, Hold, Place, Reset, Teleport
 from autodrive.recording.drives import recorder_log
 from autodrive.recording.drives.assembly import drive_of
+from autodrive.recording.drives.bag import is_bag, read_bag
 from autodrive.recording.drives.drive import Drive
 from autodrive.recording.drives.options import LogOptions
 from autodrive.recording.drives.table import is_numeric, read_table
 from autodrive.recording.drives.text_lines import naming, text_lines
 from autodrive.recording.errors import RecordingError
+from autodrive.recording.mcap.reader import Reader
 from autodrive.recording.recording import Recording
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.observer import ResetTo, Restored, SetPoses
@@ -27,11 +29,16 @@ JUMP = 0.5
 
 
 def read_drives(path: str | Path, options: LogOptions | None = None) -> tuple[Drive, ...]:
-    """Read the drives of a recording (.mcap), a log of the data recorder, or a table with a header (CSV, also gzip).
+    """Read the drives of a recording (.mcap), a log of the data recorder, a table with a header, or a ROS bag.
 
-    A table with a column 'run' has several drives. Raises `RecordingError` with the line that is wrong.
+    Texts may be compressed by gzip. A table with a column 'run' has several drives. Raises `RecordingError` with the
+    line that is wrong.
     """
     path, options = Path(path), options or LogOptions()
+    if is_bag(path) or (path.suffix.lower() == ".mcap" and has_ros_messages(path)):
+        return (drive_of(read_bag(path, options), options),)
+    if options.topics:
+        raise RecordingError(f"--topics is for bags of ROS  ({path})")
     if path.suffix.lower() == ".mcap":
         with Recording(path) as recording:
             return (_of_recording(recording, options.name),)
@@ -42,8 +49,19 @@ def read_drives(path: str | Path, options: LogOptions | None = None) -> tuple[Dr
     return tuple(drive_of(rows, options) for rows in read_table(path, options))
 
 
+def has_ros_messages(path: Path) -> bool:
+    """Whether an MCAP file has messages of ROS 2, and so is no recording. Raises `RecordingError`."""
+    reader = Reader(path)
+    try:
+        return any(schema.encoding.startswith("ros2") for schema in reader.schemas.values())
+    finally:
+        reader.close()
+
+
 def is_recorder_log(path: Path) -> bool:
     """Whether a text has no header, as a log of AutoDRIVE's data recorder. Raises `RecordingError`."""
+    if is_bag(path) or path.suffix.lower() == ".mcap":
+        return False
     with naming(path):
         cells = next(csv.reader([next(text_lines(path), "")]), [])
     return not cells or cells[0].count("_") >= 6 or is_numeric(cells)

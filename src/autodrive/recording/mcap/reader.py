@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.readable import readable
 from autodrive.recording.errors import RecordingError
+from autodrive.recording.lz4_frames import unpacked_lz4
 from autodrive.recording.mcap.records import (
     CHANNEL_PLACE,
     CHUNK_INDEX_HEAD,
@@ -343,8 +344,10 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
             return zstd.ZstdDecompressor().decompress(data, size) if size else b""
         except (zstd.ZstdError, MemoryError) as error:
             raise _CutOffError(f": {error}") from None
+    if compression == "lz4":  # of bags of ROS 2
+        return unpacked_lz4(data, size + 1)
     if compression:
-        raise RecordingError(f"the compression '{compression}' of a chunk is not known; known: zstd")
+        raise RecordingError(f"the compression '{compression}' of a chunk is not known; known: zstd, lz4")
     return data
 
 
