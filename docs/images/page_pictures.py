@@ -34,6 +34,7 @@ def page_day(film: FilmedPage) -> None:
     film.load("mini_map")
     film.drive(4.0, is_shown=False)
     film.value("[store.isMenuOpen.value = true, store.isHudOpen.value = true]")
+    film.wait(lambda: _has_camera_image(film))
 
 
 def page_night(film: FilmedPage) -> None:
@@ -42,6 +43,7 @@ def page_night(film: FilmedPage) -> None:
     film.drive(2.0, is_shown=False)
     film.step(2, {"V1": Command(0.8, 0.0, Headlights.HIGH, Indicators.LEFT)})
     film.value("store.isHudOpen.value = true")
+    film.wait(lambda: _has_camera_image(film))
 
 
 def overlays(film: FilmedPage) -> None:
@@ -119,9 +121,14 @@ PICTURES: tuple[Callable[[FilmedPage], None], ...] = (
 )
 
 
+def _has_camera_image(film: FilmedPage) -> bool:
+    """Whether the HUD shows an image of the front camera, after one more tick, which asks for an image."""
+    film.step(1)
+    film.draw()
+    return film.page.locator("[data-testid=hud-front-camera]:not([data-state=none])").count() > 0
+
+
 def _save(film: FilmedPage, name: str) -> None:
-    if film.value("store.isHudOpen.value"):
-        film.wait(lambda: film.draw() or film.page.locator("[data-testid=hud-front-camera][data-state=live]").count())
     film.page.add_style_tag(content=HIDDEN)
     for _ in range(20):  # what moves comes to rest
         film.draw()
