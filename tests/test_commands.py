@@ -41,6 +41,7 @@ NOT_RUN_HERE = {
     r"python -m tests.support": "writes a file of the repository; a test compares the file",
     r"autodrive campaign ": "takes minutes; tests/experiments/campaigns runs it with fewer runs",
     r"autodrive identify ": "takes minutes; tests/experiments/identification runs it",
+    r"autodrive parity ": "needs a log of a car; tests/experiments/deployment makes one",
     r"autodrive race .*--devkit|autodrive play .*--port": "waits for the other one; tests/world/racing runs both",
     r"autodrive play runs/": "needs a trained policy; tests/experiments/policies trains and plays one",
     r"autodrive play (crossing|duel)": "needs a network, or a minute; tests/experiments/policies plays all of them",

@@ -55,7 +55,7 @@ SCRIPTS = {
     "make('roboracer')": "is a vehicle; a scenario with it has the line 'vehicles: {V1: {type: roboracer}}'",
     "make('tiny_town.yaml')": "If you mean the scenario of this package, write 'tiny_town'",
     "make(map='plane')": "Known: scenario, seed, cameras, engine.",
-    "autodrive.load_vehicle('tiny_town')": "neoracer, nigel, nigel_2020, nigel_2023, nuc1, nuc2, "
+    "autodrive.load_vehicle('tiny_town')": "dart, f1tenth_mocap, neoracer, nigel, nigel_2020, nigel_2023, nuc1, nuc2, "
     "roboracer, roboracer_f1tenth, roboracer_physical. 'tiny_town' is a map",
     "RunOptions(durations=3)": "Did you mean 'duration'?",
     "RaceOptions('practice', lap=3)": "Did you mean 'laps'?",

@@ -11,7 +11,7 @@ from autodrive import Command
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.kinds import names
 from autodrive.scenario.vehicles.spec import load_vehicle
-from tests.support.cars import car_file, top_tread_speed
+from tests.support.cars import IDENTIFIED, car_file, top_tread_speed
 from tests.support.tables import cells
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -58,7 +58,7 @@ def circles(vehicle: str) -> tuple[float, float]:
     return full_lock_circle(vehicle, 0.1)[0], full_lock_circle(vehicle, 1.0)[0]
 
 
-@pytest.mark.parametrize("vehicle", names("vehicle"))
+@pytest.mark.parametrize("vehicle", sorted({*names("vehicle")} - {*IDENTIFIED}))
 def test_the_circle_of_each_vehicle_is_that_of_the_documents(vehicle: str) -> None:
     radii = circles(vehicle)
     stated = next(row for name, row in VEHICLES.items() if f"`{vehicle}`" in name)

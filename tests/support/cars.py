@@ -8,6 +8,9 @@ import yaml
 from autodrive.scenario.kinds import find
 from autodrive.scenario.vehicles.spec import load_vehicle
 
+IDENTIFIED = ("dart", "f1tenth_mocap")
+"""Vehicles that were identified from logs of real cars: these logs judge them, not the tables of docs/vehicle.md."""
+
 OBEYS_AT_ONCE = {
     "steering.dead_time": 0.0,
     "steering.time_constant": 0.0,

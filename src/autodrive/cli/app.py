@@ -29,6 +29,7 @@ from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
 from autodrive.cli.new import new
+from autodrive.cli.parity import parity
 from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
@@ -94,6 +95,7 @@ app.command()(race)
 app.command(cls=CampaignCommand)(campaign)
 app.command()(play)
 app.command()(deploy)
+app.command()(parity)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)

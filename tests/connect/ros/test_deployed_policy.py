@@ -19,7 +19,10 @@ def test_a_deployed_policy_drives_a_car_by_ros_and_stops_when_the_scan_is_lost(
     ros2_environment: dict[str, str], tmp_path: Path
 ) -> None:
     settings = ("speed_cap=3.0", "cap_interval=2.0")
-    with DrivenStandIn(ros2_environment, tmp_path, "practice", settings=settings) as car, client(car.port) as sim:
+    with (
+        DrivenStandIn(ros2_environment, tmp_path, "practice", settings=settings, speed=0.5) as car,
+        client(car.port) as sim,
+    ):
         # nothing is published before the button is pressed, and nothing at all by a dry run
         dry = Program(
             ros2_environment, tmp_path, ENVIRONMENT / "bin" / "python", tmp_path / "car" / "ros2_node.py", "--dry-run",
@@ -46,9 +49,9 @@ def test_a_deployed_policy_drives_a_car_by_ros_and_stops_when_the_scan_is_lost(
         wait_until((tmp_path / "drive.json").is_file)
     with car.log.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
-    stop = next(row for row in rows if row["stop"] == "no scan")
-    assert float(stop["time"]) - lost <= 0.1  # simulated time, from the last scan
-    assert float(stop["throttle"]) == 0.0
-    assert {row["stop"] for row in rows} <= {"", "no scan", "dead man", "end of the program"}
+    # simulated time, from the last scan; a busy machine may stop the car at other times as well
+    stop = next(row for row in rows if float(row["time"]) > lost and row["stop"])
+    assert float(stop["time"]) - lost <= 0.1
+    assert (stop["stop"], float(stop["throttle"])) == ("no scan", 0.0)
     assert math.dist([float(rows[-1][name]) for name in "xy"], frame.pose.position[:2]) < 0.05
     assert len(list(csv.DictReader((tmp_path / "dry.csv").open(encoding="utf-8")))) >= 1

@@ -155,9 +155,9 @@ from driver import CarSettings, CarDriver, ScanLayout
 from pathlib import Path
 settings = CarSettings.read(Path("settings.json"), ["dead_man_topic="])
 driver = CarDriver(settings, Path("."))
-driver.on_speed(0.0, 1.0), driver.on_yaw_rate(0.0, 0.0)
+driver.on_speed(1.0, 1.0), driver.on_yaw_rate(1.0, 0.0)
 layout, ranges = ScanLayout(-2.356, 0.00436, 1081, 0.06, 10.0), [2.0 + 0.001 * k for k in range(1081)]
-command = driver.on_scan(0.0, 0.0, layout, ranges)
+command = driver.on_scan(1.0, 1.0, layout, ranges)
 print(command.stop == "" and command.speed > 0.0, *{"numba", "jax", "gymnasium"} & {*sys.modules})
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -81,10 +81,7 @@ def deploy(
     folder.mkdir(parents=True, exist_ok=True)
     files = {name: (CAR / name).read_bytes() for name in NODES}
     files |= {"driver.py": DRIVER.read_bytes(), "settings.json": settings.json().encode()}
-    if Path(policy).suffix == ".onnx":
-        write_file(folder / settings.policy, onnx_policy(Path(policy)))
-    else:
-        _checked(policy).save(folder / settings.policy)
+    write_policy(policy, folder / settings.policy)
     for name, content in files.items():
         write_file(folder / name, content)
     try:
@@ -92,6 +89,14 @@ def deploy(
     except CarError as error:
         raise SpecError([str(error)]) from None
     return [folder / name for name in sorted([*files, settings.policy])]
+
+
+def write_policy(policy: str, file: Path) -> None:
+    """Write the file of a policy for a car; see `deploy`. Raises `SpecError` for a policy that no car can use."""
+    if Path(policy).suffix == ".onnx":
+        write_file(file, onnx_policy(Path(policy)))
+    else:
+        _checked(policy).save(file)
 
 
 def _checked(name: str) -> Policy:

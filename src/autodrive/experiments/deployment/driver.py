@@ -28,11 +28,15 @@ ARCS = np.linspace(-1.0, 1.0, 15)
 """Paths that the braking model tries, as shares of the greatest curvature."""
 FAR = 10.0
 """Greatest free distance of a path [m]: what is farther was not seen."""
+JUMP = 1.0
+"""Change of the clock of the node against that of the machine between two scans that means that it was set [s]."""
 USABLE = 0.75
 """A scan is used for this share of `scan_timeout`: the car has its stop in time, although `tick` comes from time to
 time."""
 FEW = 5
 """Scans after which a scanner counts as too slow."""
+CLEARLY = 1.5
+"""Factor of the free distance by which another path must be better than that of the policy."""
 CREEP = 0.4
 """Speed with which a car that braked before a wall turns away from it, where there is room [m/s]."""
 STANDSTILL = 0.05
@@ -120,13 +124,13 @@ class CarSettings:
     """Step by which the greatest speed rises after each `cap_interval` of driving, and falls at a wall [m/s]."""
     cap_interval: float = 10.0
     """Driving without a stop after which the greatest speed rises [s]."""
-    cap_most: float = 8.0
+    cap_most: float = 5.0
     """Greatest speed after all steps [m/s]."""
     braking: float = 4.0
     """Deceleration by which the braking model stops the car [m/s^2]: less than the car can."""
     lateral: float = 4.0
     """Lateral acceleration of the paths that the braking model tries [m/s^2]: less than the car can."""
-    latency: float = 0.08
+    latency: float = 0.1
     """Time from a scan until the car brakes, for the braking model [s]."""
     margin: float = 0.1
     """Distance from a wall at which the braking model stops the car [m]."""
@@ -569,13 +573,17 @@ def free_distances(points: Any, curvatures: Any, *, front: float, half_width: fl
     the inner side of its rear axle and of its outer front corner.
     """
     curvatures = np.where(np.abs(curvatures) < 1e-4, 1e-4, curvatures)
-    radius = np.abs(1.0 / curvatures)[:, None]
-    x, y = points[:, 0][None, :], np.sign(curvatures)[:, None] * points[:, 1][None, :]
-    distance = np.hypot(x, y - radius)
-    is_hit = (distance > radius - half_width) & (distance < np.hypot(radius + half_width, front))
-    driven = radius * np.arctan2(x, radius - y) - front
-    is_hit &= driven > -front
-    return np.where(is_hit, driven, FAR).min(axis=1, initial=FAR)
+    radius = np.abs(1.0 / curvatures)
+    x, y = points[:, 0], np.sign(curvatures)[:, None] * points[:, 1]
+    aside = y - radius[:, None]
+    distance = x * x + aside * aside
+    inner, outer = np.maximum(radius - half_width, 0.0) ** 2, (radius + half_width) ** 2 + front * front
+    paths, hits = np.nonzero((distance > inner[:, None]) & (distance < outer[:, None]))
+    driven = radius[paths] * np.arctan2(x[hits], -aside[paths, hits]) - front
+    free = np.full(len(curvatures), FAR)
+    is_ahead = driven > -front
+    np.minimum.at(free, paths[is_ahead], driven[is_ahead])
+    return free
 
 
 def seen_from(points: Any, curvature: float, way: float) -> Any:
@@ -636,6 +644,7 @@ class CarDriver:
         self.totals = Totals()
         self.cap = settings.speed_cap
         """The greatest speed now [m/s]."""
+        self._used_cap = self.cap
         self.problem = ""
         """Why the last scan could not be used; '': it could."""
         self.waits_for = "no scan"
@@ -650,6 +659,7 @@ class CarDriver:
         self._slow_scans = 0
         self._scan_time = self._scan_stamp = -math.inf
         self._least_delay = math.inf
+        self._clock_offset = math.inf
         self._step_time = -math.inf
         self._due = -math.inf
         self._speed = self._side_speed = self._yaw_rate = 0.0
@@ -658,7 +668,7 @@ class CarDriver:
         self._encoder_speed: dict[int, float] = {}
         self._angle = self._target = 0.0
         self._has_steering = False
-        self._pose = (math.nan, math.nan, math.nan)
+        self._pose = (math.nan, math.nan, math.nan, math.nan)
         self._dead_man_time = -math.inf
         self._drives_since = math.nan
         self._is_at_wall = self._has_driven = False
@@ -696,7 +706,13 @@ class CarDriver:
             raise CarError(f"the scan has {values.size} ranges, and its angles are those of {layout.rays}")
         if stamp <= self._scan_stamp and now >= self._scan_time:
             raise CarError("the scan has the stamp of an earlier one: it is not new")
-        self._least_delay = now - stamp if now < self._scan_time else min(self._least_delay, now - stamp)
+        if now <= 0.0:
+            raise CarError("the clock of the node has not begun: with use_sim_time, it waits for /clock")
+        offset = now - wall.monotonic()
+        if abs(offset - self._clock_offset) > JUMP or now < self._scan_time:  # the clock was set
+            self._least_delay = math.inf
+        self._clock_offset = offset
+        self._least_delay = min(self._least_delay, now - stamp)
         if now - stamp - self._least_delay > self.settings.scan_timeout:
             raise CarError(f"the scan is {now - stamp - self._least_delay:.2f} s later than others: it is too old")
         if (share := float(np.mean(self._sectors.is_invalid(values)))) > MOST_UNSEEN:
@@ -743,9 +759,9 @@ class CarDriver:
         if math.isfinite(angle):
             self._angle, self._has_steering = float(angle), True
 
-    def on_pose(self, x: float, y: float, yaw: float) -> None:
-        """Pose for the log [m, m, rad]."""
-        self._pose = (float(x), float(y), float(yaw))
+    def on_pose(self, stamp: float, x: float, y: float, yaw: float) -> None:
+        """Pose for the log [m, m, rad], and when it was measured [s]."""
+        self._pose = (float(stamp), float(x), float(y), float(yaw))
 
     def on_dead_man(self, now: float, is_pressed: bool) -> None:
         """Whether the dead man's button is pressed."""
@@ -805,6 +821,7 @@ class CarDriver:
                 *self._ranges,
             ]
         )
+        self._used_cap = self.cap
         top = self.policy.top_throttle * settings.full_speed
         throttle, steering = self.policy.act(readings, min(max(top / self.cap, 1.0), 10.0))
         speed = min(max(throttle * settings.full_speed, 0.0), self.cap)
@@ -815,18 +832,21 @@ class CarDriver:
             self._braked = self._brake(free, duration)
             if self._braked <= CREEP and limit > CREEP:  # it stands, or nearly: it leaves the wall slowly
                 self._braked = CREEP
-            drive = self._driven(self._braked, math.atan(settings.wheelbase * path))._replace(stop="wall")
+            aside = angle if path is None else math.atan(settings.wheelbase * path)
+            drive = self._driven(self._braked, aside)._replace(stop="wall")
         elif limit < speed:
             drive = self._driven(limit, angle)
         self._raise_cap(now, drive)
         self.totals.driven += abs(self._speed) * duration
         return self._log(now, drive, (throttle, steering))
 
-    def _safe_path(self, angle: float) -> tuple[float, float, float, float]:
+    def _safe_path(self, angle: float) -> tuple[float, float, float | None, float]:
         """Speed from which the car can stop before a wall on the best path, and on that of the wanted angle [m/s].
 
-        The other two values are the curvature of the best path [1/m], and how far it is free [m]. The car is safe while
-        there is one path on which it can stop: that of the wanted angle, or another one that its tyres allow.
+        The other two values are the curvature of the path to take [1/m], None: that of the wanted angle, and how far it
+        is free [m]. The car is safe while there is one path on which it can stop: that of the wanted angle, or another
+        one that its tyres allow. The angle stays as it is wanted unless another path is clearly better: a policy that
+        turns into a curve must not be kept straight.
         """
         settings = self.settings
         speed = max(abs(self._speed), 0.5)
@@ -839,12 +859,14 @@ class CarDriver:
         way = abs(self._speed) * settings.latency
         ahead = free_distances(self._points, np.array([present]), front=settings.front, half_width=settings.half_width)
         if ahead[0] < way:
-            return 0.0, 0.0, present, 0.0
+            return 0.0, 0.0, None, 0.0
         points = seen_from(self._points, present, way)
         free = free_distances(points, curvatures, front=settings.front, half_width=width) - settings.margin
         best = int(np.argmax(free - 1e-3 * np.abs(curvatures - chosen)))
         limits = [safe_speed(float(free[path]), settings.braking) for path in (best, 0)]
-        return limits[0], limits[1], float(curvatures[best]), float(free[best])
+        is_better = free[best] > max(CLEARLY * free[0], free[0] + settings.margin)
+        taken = best if is_better else 0
+        return limits[0], limits[1], float(curvatures[best]) if is_better else None, float(free[taken])
 
     def _brake(self, free: float, duration: float) -> float:
         """The speed that brakes the car without locking its wheels, which could not steer [m/s]."""
@@ -897,10 +919,18 @@ class CarDriver:
         self._last = drive
         if self.log is not None and now != self._logged:
             self._logged = now
-            numbers = [now, *self._pose, self._speed, drive.throttle, drive.steering, self._yaw_rate, drive.speed]
-            numbers += [drive.angle, *policy, self.cap, age, compute]
+            numbers = [now, *self._pose_at(now), self._speed, drive.throttle, drive.steering, self._yaw_rate]
+            numbers += [drive.speed, drive.angle, *policy, self._angle, self._used_cap, age, compute]
             self.log.write(numbers, drive.stop, None if self._ranges is None else self._ranges)
         return drive
+
+    def _pose_at(self, now: float) -> tuple[float, float, float]:
+        """The pose for the log, which is moved from its time to this one with the speed and the yaw rate."""
+        stamp, x, y, yaw = self._pose
+        late = min(max(now - stamp, 0.0), 0.2)
+        middle = yaw + 0.5 * late * self._yaw_rate
+        way = late * self._speed
+        return x + way * math.cos(middle), y + way * math.sin(middle), yaw + late * self._yaw_rate
 
     def summary(self) -> dict[str, Any]:
         """What the drive was like: steps, distance, stops by reason, latency and time of computation [s]."""
@@ -937,7 +967,7 @@ LOG_COLUMNS = (
     "x",
     "y",
     "yaw",
-    "speed",
+    "wheel_speed",
     "throttle",
     "steering",
     "yaw_rate",
@@ -945,12 +975,16 @@ LOG_COLUMNS = (
     "command_angle",
     "policy_throttle",
     "policy_steering",
+    "policy_angle",
     "speed_cap",
     "scan_age",
     "compute",
 )
-"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad; throttle and steering
--1 to 1, as the car was told; `policy_` before the safety layer; `scan_age` from the stamp of a scan to the command."""
+"""Columns of a log that are numbers; `stop` and the ranges of the sectors follow. SI units, rad.
+
+`wheel_speed` is what the car measures, and is not called speed: an identification then takes the speed from the poses,
+which the slip of the wheels does not change. `throttle` and `steering`, -1 to 1: as the car was told. `policy_`: before
+the safety layer, and the angle that the policy read. `scan_age`: from the stamp of a scan to the command."""
 
 
 class CarLog:
@@ -1039,7 +1073,7 @@ def topics(driver: CarDriver) -> list[CarTopic]:
 
     def take_pose(now: float, message: Any) -> None:
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        driver.on_pose(pose.position.x, pose.position.y, yaw_of(pose.orientation))
+        driver.on_pose(stamp_of(message), pose.position.x, pose.position.y, yaw_of(pose.orientation))
 
     def take_encoder(wheel: int) -> Callable[[float, Any], None]:
         return lambda now, message: driver.on_encoder(now, message.position[0], wheel)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -76,14 +77,22 @@ class VehicleFile:
         leaves = dict(_leaves("", self.spec.model_dump(mode="json")))
         return {path: value for path, value in leaves.items() if value is None or isinstance(value, float)}
 
-    def with_values(self, values: Mapping[str, float]) -> VehicleSpec:
+    def prepared(self, values: Mapping[str, Any]) -> VehicleFile:
+        """A copy of the file with other values, which a fit then changes. Raises `SpecError`."""
+        other = copy.copy(self)
+        other.spec = self.with_values(values)
+        other._text = self.text(values)
+        other.__dict__.pop("values", None)
+        return other
+
+    def with_values(self, values: Mapping[str, Any]) -> VehicleSpec:
         """The Spec with other values. Raises `SpecError`."""
         tree = self.spec.model_dump(mode="json")
         for path, value in values.items():
             _set(tree, path.split("."), value)
         return checked(tree, VehicleSpec)
 
-    def text(self, values: Mapping[str, float], comments: Sequence[str] = ()) -> str:
+    def text(self, values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
         """The file with other values, each with its comments, below these lines of comment."""
         spec = self.with_values(values)
         head = "".join(f"# {line}\n" for line in comments)
@@ -178,14 +187,14 @@ def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield from _leaves(f"{prefix}.{key}" if prefix else str(key), inner)
 
 
-def _set(tree: Any, path: Sequence[str], value: float) -> None:
+def _set(tree: Any, path: Sequence[str], value: Any) -> None:
     """Set a value in a tree of dictionaries and lists."""
     for part in path[:-1]:
         tree = tree[int(part) if isinstance(tree, list) else part]
     tree[int(path[-1]) if isinstance(tree, list) else path[-1]] = value
 
 
-def _edited(text: str, values: Mapping[str, float]) -> str:
+def _edited(text: str, values: Mapping[str, Any]) -> str:
     """The text with other values, and with keys that it lacks; all else remains."""
     changes: list[tuple[int, int, str]] = []
     root = yaml.compose(text)

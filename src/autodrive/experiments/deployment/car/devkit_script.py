@@ -39,7 +39,7 @@ class CarScript:
         driver.on_steering(float(car.steering))
         if car.position is not None:
             yaw = float(car.orientation_euler_angles[2])
-            driver.on_pose(float(car.position[0]), float(car.position[1]), yaw)
+            driver.on_pose(self.time, float(car.position[0]), float(car.position[1]), yaw)
         command, ranges = None, car.lidar_range_array
         if self.last is None or len(ranges) != len(self.last) or (ranges != self.last).any():
             self.last = ranges.copy()

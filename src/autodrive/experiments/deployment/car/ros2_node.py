@@ -126,7 +126,8 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="instead of settings.json")
     options, rest = parser.parse_known_args()
     rclpy.init(args=rest, signal_handler_options=SignalHandlerOptions.NO)  # the car is stopped before ROS ends
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell may have started it with Ctrl-C ignored
+        signal.signal(number, signal.default_int_handler)
     try:
         settings = CarSettings.read(FOLDER / "settings.json", options.set)
         driver = CarDriver(settings, FOLDER, CarLog.of(settings, Path.cwd()))
