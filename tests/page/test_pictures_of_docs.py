@@ -28,7 +28,7 @@ def test_pictures_show_the_buttons_of_the_present_page(plane: PageServer, new_ta
     tab.click("build-button")
     tab.wait_until(lambda: tab.page.get_by_test_id("build-bar").is_visible())
     check(tab, "build")
-    tab.page.get_by_test_id("build-start").locator("summary").click()
+    tab.page.get_by_test_id("build-start").evaluate("section => (section.open = true)")
     tab.click("track-new")
     tab.wait_until(lambda: tab.page.get_by_test_id("track-barrier").is_visible())
     check(tab, "build_track", "build_picture")
