@@ -40,6 +40,7 @@ NOT_RUN_HERE = {
     r"python examples/learning": "learns for minutes; tests/experiments/policies runs the program with few steps",
     r"python -m tests.support": "writes a file of the repository; a test compares the file",
     r"autodrive campaign ": "takes minutes; tests/experiments/campaigns runs it with fewer runs",
+    r"autodrive twin ": "needs a log of the user; tests/recording/exports runs it",
     r"autodrive identify ": "takes minutes; tests/experiments/identification runs it",
     r"autodrive parity ": "needs a log of a car; tests/experiments/deployment makes one",
     r"autodrive race .*--devkit|autodrive play .*--port": "waits for the other one; tests/world/racing runs both",

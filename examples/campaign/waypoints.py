@@ -19,7 +19,7 @@ class Driver:
     def reset(self, scene):
         """Read what the driver needs to know of the vehicle."""
         car = scene.vehicles[scene.vehicle]
-        self.wheelbase, self.limit = car.wheelbase, car.steering.limit
+        self.wheelbase, self.steering = car.wheelbase, car.steering
         self.route = np.loadtxt(ROUTE, delimiter=",")  # x, y [m]
 
     def act(self, frame):
@@ -32,7 +32,7 @@ class Driver:
         goal = next((i for i in ahead if distance[i] > self.lookahead), ahead[-1])
         bearing = math.atan2(self.route[goal, 1] - y, self.route[goal, 0] - x) - yaw
         curvature = 2.0 * math.sin(bearing) / distance[goal]
-        steering = math.atan(self.wheelbase * curvature) / self.limit
+        steering = float(self.steering.commands(math.atan(self.wheelbase * curvature)))
         return Command(throttle=self.throttle, steering=max(-1.0, min(1.0, steering)))
 
 

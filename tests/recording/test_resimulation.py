@@ -169,6 +169,20 @@ def test_a_reset_to_a_weather_is_repeated(tmp_path: Path) -> None:
     assert not shown[-1]
 
 
+def test_a_start_in_motion_is_repeated(tmp_path: Path) -> None:
+    world = autodrive.make("plane")
+    with Recorder(tmp_path / "motion.mcap", world, has_meshes=False):
+        for _ in range(2):
+            world.reset(motions={"V1": [0.3, 0.0, 0.2, 0.5, 0.1]}, past_commands={"V1": [(0.9, -0.4)] * 5})
+            for _ in range(20):
+                world.step({"V1": Command(0.5, 0.2)})
+    with open_recording(tmp_path / "motion.mcap") as recording:
+        assert str(resimulate(recording)) == "identical"
+        starts = [frame for frame in recording.frames() if frame.tick == 0]
+    speeds = [frame.vehicles["V1"].velocity[0] for frame in starts[1:]]  # the first one is at rest
+    assert speeds == pytest.approx([0.3, 0.3])
+
+
 def test_a_difference_is_named(drive: Drive) -> None:
     frame = drive.frames[5]
     vehicle = frame.vehicles["V2"]

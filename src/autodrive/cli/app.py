@@ -35,6 +35,7 @@ from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.stopping import interruptible
+from autodrive.cli.twin import twin
 from autodrive.cli.urdf import urdf
 from autodrive.cli.weather import weather
 
@@ -110,6 +111,7 @@ app.add_typer(tracks.importing, name="import")
 app.command()(recordings.plot)
 app.command()(recordings.compare)
 app.command()(identify)
+app.command()(twin)
 tracks.exporting.command("recording")(recordings.export)
 app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")

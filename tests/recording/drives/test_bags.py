@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from autodrive.recording import RecordingError
 from autodrive.recording.drives import Drive, LogOptions, read_drives
+from autodrive.recording.drives.ros_messages import MessageReader, MessageTypes
 from tests.recording.drives.logs import RADIUS, SPEED, circle
 
 FORMS = ("ros1", "ros1 bz2", "ros1 lz4", "mcap", "mcap zstd", "sqlite3", "sqlite3 foxy")
@@ -317,3 +318,21 @@ def test_a_chunk_that_becomes_too_large_is_refused(tmp_path: Path) -> None:
     bag.write_bytes(b"#ROSBAG V2.0\n" + struct.pack("<I", 2**32 - 1))
     with pytest.raises(RecordingError, match="the header of a record has 4294967295 bytes"):
         read(bag)
+
+
+def test_a_message_of_another_definition_is_not_misread() -> None:
+    """Foxy to Humble do not write the definitions into a bag with sqlite3, and a package may have changed its own."""
+    types = MessageTypes()
+    reader = MessageReader(types, is_cdr=True)
+    assert reader.read("std_msgs/Float64", struct.pack("<BBxxd", 0, 1, 2.5)) == {"data": 2.5}
+    assert reader.read("std_msgs/Float64", struct.pack(">BBxxd", 0, 0, 2.5)) == {"data": 2.5}  # big endian
+    for data in (struct.pack("<BBxxdd", 0, 1, 2.5, 1.0), struct.pack("<BBxxf", 0, 1, 2.5)):
+        with pytest.raises(RecordingError, match=rf"a message of {len(data)} bytes is no std_msgs/Float64"):
+            reader.read("std_msgs/Float64", data)
+    with pytest.raises(RecordingError, match="is not in the encoding CDR"):
+        reader.read("std_msgs/Float64", b"(\xb5/\xfd")
+    types.add("a/B", "a/B[] parts\n")
+    with pytest.raises(RecordingError, match="the message a/B contains itself"):
+        reader.read("a/B", struct.pack("<BBxxI", 0, 1, 1) + struct.pack("<I", 1) * 20)
+    with pytest.raises(RecordingError, match="the bag has no definition of the message vesc_msgs/VescStateStamped"):
+        reader.read("vesc_msgs/VescStateStamped", b"\0\1" + bytes(40))

@@ -18,6 +18,7 @@ from autodrive.recording.drives.recorder_log import DriveLog, read
 from autodrive.recording.exports import export
 from autodrive.recording.exports.comparison import Comparison, compare_drive, compare_log, compare_recording
 from autodrive.recording.exports.options import ExportOptions
+from autodrive.recording.exports.twin import record_twin
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.command_line import call, refused
 
@@ -185,3 +186,27 @@ def test_a_table_of_our_drive_is_simulated_as_it_was(file: Path, tmp_path: Path)
         ((), "the table has no column 'time'; name it, such as --columns time=t [ms]"),
     ):
         assert reason in refused("compare", str(table), *words)
+
+
+def test_the_twin_of_a_recording_is_the_car_itself(file: Path, tmp_path: Path) -> None:
+    (drive,) = read_drives(file)
+    gaps = record_twin(drive, "nigel", tmp_path / "twin.mcap", restart=0.4)
+    assert len(gaps) == 101
+    assert gaps[[0, 40, 80]] == pytest.approx([0.0] * 3, abs=1e-12)  # where the prediction starts
+    # the state of the wheels is not in the log, so that a prediction starts 1 tick of the motion wrong at most
+    assert gaps.max() < 0.01 * drive.speed.max()
+    other = record_twin(drive, "nigel_2023", tmp_path / "other.mcap", restart=5.0)
+    assert other[-1] == pytest.approx(compare_drive(drive, type_="nigel_2023").differences["distance"][-1], abs=1e-9)
+    with open_recording(tmp_path / "other.mcap") as recording:
+        assert recording["V1/own/twin"][-1, 0] == pytest.approx(other[-1], abs=0.05 * other.max())  # each 40 ms
+        positions = recording["V1/pose/position"]
+        np.testing.assert_allclose(positions[-1, :2], (drive.x[-1], drive.y[-1]), atol=0.01)
+    with pytest.raises(RecordingError, match="must be positive, not 0 s"):
+        record_twin(drive, "nigel", tmp_path / "no.mcap", restart=0.0)
+
+
+def test_the_command_twin_needs_the_log_and_the_vehicle(file: Path, tmp_path: Path) -> None:
+    output = ("--output", str(tmp_path / "twin.mcap"), "--no-show")
+    assert "the drive is too short" in refused("twin", "--replay", str(file), "--vehicle", "nigel", *output)
+    assert "must end in .mcap" in refused("twin", "--replay", str(file), "--vehicle", "nigel", "--output", "a.csv")
+    assert "--replay" in refused("twin", "--vehicle", "nigel")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -57,6 +58,7 @@ def settings_for(vehicle: VehicleSpec, car: VehicleSpec, changes: Sequence[str] 
         "front": round(car.front, 4),
         "half_width": round(0.5 * car.size[1], 4),
         "lidar": places[1][:2],
+        "lidar_yaw": round(math.radians(car.sensors.lidar.mount.rotation_deg[2]), 6) if car.sensors.lidar else 0.0,
         "steering_limit": round(car.steering.limit, 6),
         "steering_unwinds_at_once": car.steering.unwinds_at_once,
     }

@@ -21,11 +21,15 @@ DAMPING = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 ENOUGH = 2e-3
 """A step that reduces the error by less than this share is the last one."""
 BLOCK = 20.0
-"""Length of the parts of a drive that are resampled where there are few drives [s]."""
+"""Length of the parts of a drive that are resampled where there are few drives [s], ..."""
+LEAST_PARTS = 10
+"""... or shorter ones, so that there are about so many."""
 MIN_DRIVES = 6
 """Number of drives from which on whole drives are resampled: the starts of a drive share its trim and its battery."""
 SAMPLES = 400
 """Number of resamplings."""
+LEAST_NOISE = 0.01
+"""Least mean square of the residuals for which the priors count."""
 LARGEST = 50.0
 """Residual of a prediction that is not finite."""
 
@@ -126,6 +130,8 @@ class Solver:
         self._predictor = Predictor(starts, file, candidates=candidates, threads=threads)
         self._kinds = len(starts.drives)
         self.groups = groups_of(starts)
+        self._noise = 1.0
+        """Mean square of the residuals that a step cannot explain: the priors count relative to it."""
 
     def close(self) -> None:
         """End the threads."""
@@ -160,6 +166,8 @@ class Solver:
         residuals = self.residuals([point])[0]
         error = self.error(point, residuals)
         for step in range(steps):
+            self._noise = min(1.0, max(LEAST_NOISE, 2.0 * float((np.sqrt(1.0 + residuals**2) - 1.0).mean())))
+            error = self.error(point, residuals)
             equations = self.equations(point, residuals)
             weights = np.ones(len(self.groups))
             moves = [equations.solution(weights, damping) for damping in DAMPING]
@@ -227,7 +235,7 @@ class Solver:
         return Point(values, replace(point.session, **changes))
 
     def _prior(self, point: Point) -> tuple[Floats, Floats]:
-        """Differences from the middles of the priors, and the inverse squares of their deviations, shape (d,)."""
+        """Differences from the middles of the priors, and the weights of their squares, shape (d,)."""
         differences, inverse = [], []
         for parameter in self.free:
             deviation = self._priors.get(parameter.path, math.inf)
@@ -238,13 +246,15 @@ class Solver:
         for name in self.session:
             differences += (getattr(point.session, name) - getattr(neutral, name)).tolist()
             inverse += [SESSION_PRIORS[name].deviation ** -2] * self._kinds
-        return np.array(differences), np.array(inverse)
+        return np.array(differences), self._noise * np.array(inverse)
 
 
 def groups_of(starts: Starts) -> list[Integers]:
-    """Groups of starts with independent noise: drives, or where there are few of them, parts of them of 20 s."""
-    count = len(np.unique(starts.drive))
-    part = np.zeros(len(starts.time)) if count >= MIN_DRIVES else np.floor(starts.time / BLOCK)
+    """Groups of starts with independent noise: drives, or where there are few of them, parts of at most 20 s."""
+    numbers = np.unique(starts.drive)
+    total = sum(starts.drives[number].duration for number in numbers.tolist())
+    block = min(BLOCK, total / LEAST_PARTS)
+    part = np.zeros(len(starts.time)) if len(numbers) >= MIN_DRIVES else np.floor(starts.time / block)
     keys = starts.drive * 1_000_000 + part.astype(np.int64)
     return [np.flatnonzero(keys == key) for key in np.unique(keys)]
 
@@ -262,5 +272,7 @@ def resampled_steps(equations: NormalEquations, seed: int) -> Floats:
     for _ in range(SAMPLES):
         weights = np.bincount(rng.integers(count, size=count), minlength=count).astype(np.float64)
         samples.append(equations.solution(weights) - whole)
-    # the mean square of resampled means is (n - 1) / n of that of the mean
-    return np.array(samples) * math.sqrt(count / max(1, count - 1))
+    # the mean square of resampled means is (n - 1) / n of that of the mean; and the quantile of Student's distribution
+    # at 95 % is about 1 + 0.92 / (n - 1) times that of the normal one
+    left = max(1, count - 1)
+    return np.array(samples) * math.sqrt(count / left) * (1.0 + 0.92 / left)

@@ -13,6 +13,8 @@ from autodrive.recording.errors import RecordingError
 
 MAX_DEFINITION = 2**18
 """Longest definition of a message that is read [characters]."""
+PADDING = 7
+"""Bytes behind a message at most, which fill it up [bytes]."""
 MAX_DEPTH = 12
 """Deepest message in a message."""
 NUMBERS = {
@@ -147,7 +149,11 @@ class MessageReader:
                 raise RecordingError(f"a message {type_} is not in the encoding CDR; is the bag compressed?")
             order, start = "<" if data[1] else ">", 4
         try:
-            return _Bytes(data, start, order, is_aligned=self._is_cdr).message(type_, self._types, 0)
+            content = _Bytes(data, start, order, is_aligned=self._is_cdr)
+            message = content.message(type_, self._types, 0)
+            if content.left > PADDING:  # the sender has another definition
+                raise ValueError
+            return message
         except (struct.error, ValueError, OverflowError):
             raise RecordingError(f"a message of {len(data)} bytes is no {type_}") from None
 
@@ -158,6 +164,11 @@ class _Bytes:
     def __init__(self, data: bytes, start: int, order: str, *, is_aligned: bool) -> None:
         self._data, self._start, self._at = data, start, start
         self._order, self._is_aligned = order, is_aligned
+
+    @property
+    def left(self) -> int:
+        """Bytes that are not read."""
+        return len(self._data) - self._at
 
     def message(self, type_: str, types: MessageTypes, depth: int) -> dict[str, Any]:
         if depth > MAX_DEPTH:

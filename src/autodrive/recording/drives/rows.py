@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.recording.drives.drive import LogProblem
 
-MAX_ROWS = 1_000_000
-"""Most rows of a log that is read: nearly three hours at 100 Hz."""
+MAX_ROWS = 500_000
+"""Most rows of a log that is read: 83 minutes at 100 Hz."""
 
 
 @dataclass

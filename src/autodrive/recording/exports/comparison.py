@@ -29,6 +29,7 @@ from autodrive.recording.drives.recorder_log import DriveLog
 from autodrive.recording.plot import check_suffix, write_panels
 from autodrive.recording.resimulation import simulated_again
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch import BatchWorld
 
 SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
@@ -213,9 +214,7 @@ def _compare(
     }
     batch = BatchWorld(spec.model_copy(update={"vehicles": without_own}), threads=1)
     vehicle = batch.compiled.vehicles[name]
-    drive = drive.in_shares(vehicle.full_throttle_speed, vehicle.steering.limit)
-    if drive.is_angle:
-        drive = replace(drive, steering=vehicle.steering.commands(drive.steering))
+    drive = in_commands(drive, vehicle)
     lever = vehicle.sensors.ips.mount.position if is_positioning else (0.0, 0.0, 0.0)
     rows: list[list[float]] = []
     with closing(batch):
@@ -247,11 +246,7 @@ def _simulated_part(
     commands = np.zeros((1, len(batch.commanded_names), 2))
     motion = [0.0] * 5
     if is_moving:
-        speed, left = float(drive.speed[start]), _left_speed(drive, part)
-        forward = math.copysign(math.sqrt(max(speed**2 - left**2, 0.0)), speed)
-        before = max(int(np.searchsorted(drive.command_time, drive.time[start])) - 1, 0)
-        obeyed = np.clip((drive.throttle[before], drive.steering[before]), -1.0, 1.0)
-        motion = [forward, left, float(drive.yaw_rate[start]), *obeyed]
+        motion = start_motion(drive, part)
     readings = batch.reset(poses={name: (x - right, y - ahead, heading)}, motions={name: motion})
     rows: list[list[float]] = []
     tick = 0
@@ -263,6 +258,25 @@ def _simulated_part(
         r = readings
         rows.append(_row(r.position[0, 0], r.orientation[0, 0], r.velocity[0, 0], r.angular_velocity[0, 0], lever))
     return rows
+
+
+def in_commands(drive: Drive, vehicle: VehicleSpec) -> Drive:
+    """The drive with the commands that the vehicle takes, in [-1, 1], also in place of a measured angle."""
+    drive = drive.in_shares(vehicle.full_throttle_speed, vehicle.steering.limit)
+    return replace(drive, steering=vehicle.steering.commands(drive.steering)) if drive.is_angle else drive
+
+
+def start_motion(drive: Drive, part: range) -> list[float]:
+    """Motion at the first of some rows: forward and left speed [m/s], yaw rate [rad/s], throttle, steering.
+
+    The drive has the commands that the vehicle takes; see `in_commands`.
+    """
+    start = part[0]
+    speed, left = float(drive.speed[start]), _left_speed(drive, part)
+    forward = math.copysign(math.sqrt(max(speed**2 - left**2, 0.0)), speed)
+    before = max(int(np.searchsorted(drive.command_time, drive.time[start])) - 1, 0)
+    throttle, steering = (float(np.clip(column[before], -1.0, 1.0)) for column in (drive.throttle, drive.steering))
+    return [forward, left, float(drive.yaw_rate[start]), throttle, steering]
 
 
 def _left_speed(drive: Drive, part: range) -> float:

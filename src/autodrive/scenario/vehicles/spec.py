@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -118,9 +119,7 @@ class MagicCurve(Spec):
     @property
     def normalised_peak_slip(self) -> float:
         """Slip times stiffness divided by peak force where the force has its peak, at most 10."""
-        slips = np.linspace(0.0, 10.0, 1001)[1:]
-        forces = [magic_shape(slip, self.shape, self.curvature) for slip in slips.tolist()]
-        return float(slips[int(np.argmax(forces))])
+        return _normalised_peak_slip(self.shape, self.curvature)
 
     @property
     def greatest_share(self) -> float:
@@ -129,6 +128,13 @@ class MagicCurve(Spec):
             return 1.0
         # the argument of the outer arc tangent is unbounded, but with E = 1 it approaches pi / 2
         return math.sin(self.shape * (0.5 * math.pi if self.curvature < 1.0 else math.atan(0.5 * math.pi)))
+
+
+@lru_cache(maxsize=4096)  # a fit makes tables of many vehicles with the same curves
+def _normalised_peak_slip(shape: float, curvature: float) -> float:
+    slips = np.linspace(0.0, 10.0, 1001)[1:]
+    forces = [magic_shape(slip, shape, curvature) for slip in slips.tolist()]
+    return float(slips[int(np.argmax(forces))])
 
 
 class MagicFormulaSpec(Spec):
