@@ -22,7 +22,7 @@ from autodrive.graphics.cameras.viewpoints import Viewpoint, orbit
 from autodrive.graphics.meshes import store
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.protocol.messages import Command, Frame, Headlights
+from autodrive.protocol.messages import Command, Frame, Headlights, SetSceneLight, SetTimeOfDay, SetWeather
 
 FOLDER = Path(__file__).parents[2] / "web" / "src" / "stills"
 SIZE = 640, 360
@@ -49,6 +49,8 @@ class Shot(NamedTuple):
     """[degree]."""
     duration: float = 0.0
     """Simulated time from the start [s]."""
+    requests: tuple[SetSceneLight | SetTimeOfDay | SetWeather, ...] = ()
+    """Applied at the start."""
 
 
 SHOTS = {
@@ -73,6 +75,8 @@ SHOTS = {
 def still(shot: Shot) -> bytes:
     """The picture as a WebP file."""
     world = autodrive.make(shot.scenario)
+    for request in shot.requests:
+        world.apply(request)
     lamps = Command(headlights=Headlights.OFF if world.frame.scene_light else Headlights.HIGH)
     while world.time < shot.duration:
         world.step({next(iter(world.frame.vehicles)): lamps})
