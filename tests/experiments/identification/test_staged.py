@@ -102,7 +102,7 @@ def test_advice_names_the_manoeuvres_of_both_parameters() -> None:
 
 
 def test_the_fit_in_stages_writes_vehicle_report_and_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, number in (("STEPS", 2), ("MOST_STARTS", 8)):
+    for name, number in (("STEPS", 1), ("MOST_STARTS", 6)):
         monkeypatch.setattr(staged, name, number)
     few = design.manoeuvres(0.15, 0.3)[:2]
     monkeypatch.setattr(design, "manoeuvres", lambda slow, fast: few)
