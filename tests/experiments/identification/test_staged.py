@@ -87,7 +87,9 @@ def test_resampled_groups_have_the_deviation_of_a_mean() -> None:
     """The estimate of a mean of n numbers has the deviation s / sqrt(n)."""
     numbers = np.random.default_rng(2).normal(3.0, 2.0, 40)
     ones = np.ones((40, 1, 1))
-    equations = NormalEquations(ones, -(numbers - numbers.mean())[:, None], np.zeros(1), np.zeros(1), np.ones(1))
+    equations = NormalEquations(
+        ones, -(numbers - numbers.mean())[:, None], np.zeros(1), np.zeros(1), np.ones(1, np.bool_)
+    )
     deviation = float(resampled_steps(equations, seed=1)[:, 0].std())
     wider = 1.0 + 0.92 / 39  # Student's distribution
     assert deviation == pytest.approx(wider * numbers.std(ddof=1) / np.sqrt(40), rel=0.1)  # 400 samples: 3.5 %

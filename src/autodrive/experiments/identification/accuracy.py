@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.units import RPM
@@ -42,7 +43,7 @@ class PredictionErrors:
         position = np.hypot(finite[..., 0], finite[..., 1])
         return PredictionErrors(title, instants, position, np.abs(finite[..., 2]), np.abs(finite[..., 3]))
 
-    def chosen(self, mask: Floats) -> PredictionErrors:
+    def chosen(self, mask: NDArray[np.bool_]) -> PredictionErrors:
         """The errors of some starts."""
         return PredictionErrors(self.title, self.instants, self.position[mask], self.heading[mask], self.speed[mask])
 
@@ -169,7 +170,7 @@ class Accuracy:
     def _times(self) -> list[float]:
         return [time for time in REPORTED if time <= self.vehicle.instants[-1] + 1e-9]
 
-    def _row(self, title: str, mask: Floats) -> str:
+    def _row(self, title: str, mask: NDArray[np.bool_]) -> str:
         chosen = self.vehicle.chosen(mask)
         return f"{title:44}{int(mask.sum()):7}" + "".join(f"{100 * chosen.at(time)[0]:8.1f}" for time in self._times())
 

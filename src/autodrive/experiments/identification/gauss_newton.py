@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
@@ -77,7 +78,7 @@ class NormalEquations:
     """Curvature of the priors, a diagonal of shape (d,)."""
     prior_slopes: Floats
     """Shape (d,)."""
-    is_free: Floats
+    is_free: NDArray[np.bool_]
     """Which parameters are not at a bound, shape (d,)."""
 
     def solution(self, weights: Floats, damping: float = 0.0) -> Floats:

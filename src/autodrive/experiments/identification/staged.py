@@ -65,7 +65,7 @@ class StagedFit:
 
     file: VehicleFile
     """The vehicle's file with what the fit added, such as a curve of the steering."""
-    values: dict[str, object]
+    values: dict[str, float]
     """Values by path, which the fit changed or added."""
     fitted: tuple[FittedValue, ...]
     session: DriveValues
@@ -112,7 +112,7 @@ class StagedFit:
 
     def text(self) -> str:
         """The vehicle's file with the fitted values and the statement of the error."""
-        return self.file.text(self.values, self.comments())  # pyright: ignore[reportArgumentType]
+        return self.file.text(self.values, self.comments())
 
     def write(self, path: str | Path) -> None:
         """Write the vehicle's file."""

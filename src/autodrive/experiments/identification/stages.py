@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats
 from autodrive.experiments.identification.parameters import Free, VehicleFile
 from autodrive.experiments.identification.starts import Starts
 from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -174,7 +174,7 @@ def _inertia_bounds(spec: VehicleSpec) -> tuple[float, float]:
     return max(0.5 * z, 1.001 * abs(x - y)), min(2.0 * z, 0.999 * (x + y))
 
 
-def used_by(stage: FitStage, starts: Starts) -> Floats:
+def used_by(stage: FitStage, starts: Starts) -> NDArray[np.bool_]:
     """Which starts a stage uses, a mask of shape (w,)."""
     if not stage.is_slow:
         return np.ones(len(starts.time), np.bool_)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.experiments.identification.drive import Drive, IdentificationError
@@ -65,7 +66,7 @@ class Starts:
         """Ticks from a start to its last instant."""
         return math.ceil(float(self.instants[-1]) / self.tick - 1e-6)
 
-    def chosen(self, is_chosen: Sequence[bool] | Floats | Integers) -> Starts:
+    def chosen(self, is_chosen: NDArray[np.bool_] | Integers) -> Starts:
         """Some of the starts, by a mask or by numbers."""
         columns = ("drive", "time", "pose", "motion", "measured", "turning", "fastest")
         picked = {name: getattr(self, name)[np.asarray(is_chosen)] for name in columns}
@@ -238,7 +239,7 @@ class Predictor:
 
     def _run(self, candidates: Sequence[tuple[VehicleSpec, DriveValues]]) -> Floats:
         starts, batch, w = self.starts, self._batch, len(self.starts.time)
-        filled = [*candidates, *candidates[:1] * (self._candidates - len(candidates))]
+        filled = [*candidates, *[candidates[0]] * (self._candidates - len(candidates))]
         sessions = [session for _, session in filled]
         past_ticks = round(PAST / starts.tick)
         cuts = [starts.commands(-PAST, past_ticks + starts.ticks, session.delay) for session in sessions]
@@ -254,7 +255,9 @@ class Predictor:
             motions={NAME: motions},
             past_commands={NAME: past},
             vehicles={NAME: [spec for spec, _ in filled for _ in range(w)]},
-            **of_starts,
+            trim=of_starts["trim"],
+            drive=of_starts["drive"],
+            grip=of_starts["grip"],
         )
         at = np.rint(starts.instants / starts.tick).astype(int).tolist()
         predicted = np.empty((batch.n, len(at), 4))

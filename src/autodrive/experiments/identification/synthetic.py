@@ -78,7 +78,7 @@ def synthetic_drive(
         heading=heading,
         speed=speed,
         yaw_rate=rate,
-        command_time=changes * TICK,
+        command_time=changes.astype(np.float64) * TICK,
         throttle=held[changes, 0],
         steering=held[changes, 1],
         is_angle=False,
