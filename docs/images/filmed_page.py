@@ -201,7 +201,7 @@ class FilmedPage:
         edits = f"[store.status.value.undo, {scene}.model, Object.keys({scene}.map_scene?.parts ?? [])]"
         before = self.value(edits)
         act()
-        self.wait(lambda: self.value(edits) != before)
+        self.wait(lambda: self.draw() or self.value(edits) != before)
         self.wait(lambda: not self.page.evaluate("() => autodrive.connection.pending.size"))  # all is answered
         self.step(10)  # the LIDAR sees the new map
         self.wait_for_image()
