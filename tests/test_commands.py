@@ -25,7 +25,8 @@ from tests.support.waiting import LIMIT
 from tests.test_documentation import DOCUMENTS, ROOT
 
 NOT_RUN_HERE = {
-    r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|\.venv/bin/pre-commit) ": "changes the machine or the environment",
+    r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip) ": "changes the machine or the environment",
+    r"\.venv/bin/pre-commit ": "changes the checkout",
     r"(\.|export) ": "changes the shell",
     r"(ip|ssh) ": "needs root or another machine",
     r"docker ": "needs a container engine; tests/test_containers.py compares its files with the command line",

@@ -88,11 +88,22 @@ def test_resampled_groups_have_the_deviation_of_a_mean() -> None:
     numbers = np.random.default_rng(2).normal(3.0, 2.0, 40)
     ones = np.ones((40, 1, 1))
     equations = NormalEquations(
-        ones, -(numbers - numbers.mean())[:, None], np.zeros(1), np.zeros(1), np.ones(1, np.bool_)
+        ones, -(numbers - numbers.mean())[:, None], np.zeros(1), np.zeros(1), np.ones(1, np.bool_), 1.0
     )
     deviation = float(resampled_steps(equations, seed=1)[:, 0].std())
     wider = 1.0 + 0.92 / 39  # Student's distribution
     assert deviation == pytest.approx(wider * numbers.std(ddof=1) / np.sqrt(40), rel=0.1)  # 400 samples: 3.5 %
+
+
+def test_an_interval_is_as_wide_as_data_and_prior_say() -> None:
+    """Two means of normal numbers of deviation 2, of which the second has no number: 1/v = n/4 + 1/p^2 (Bayes)."""
+    numbers = np.random.default_rng(2).normal(0.0, 2.0, 400)
+    curvatures, slopes = np.zeros((400, 2, 2)), np.zeros((400, 2))
+    curvatures[:, 0, 0], slopes[:, 0] = 1.0, -(numbers - numbers.mean())
+    priors = np.array([0.1, 0.3])
+    equations = NormalEquations(curvatures, slopes, 4.0 / priors**2, np.zeros(2), np.ones(2, np.bool_), 4.0)
+    expected = (400 / 4.0 + 0.1**-2) ** -0.5, 0.3
+    assert resampled_steps(equations, seed=1).std(axis=0) == pytest.approx(expected, rel=0.1)  # 400 samples: 3.5 %
 
 
 def test_advice_names_the_manoeuvres_of_both_parameters() -> None:

@@ -80,13 +80,18 @@ class NormalEquations:
     """Shape (d,)."""
     is_free: NDArray[np.bool_]
     """Which parameters are not at a bound, shape (d,)."""
+    noise: float
+    """Mean square of the residuals that a step cannot explain: the curvature of a prior is this over its variance."""
 
-    def solution(self, weights: Floats, damping: float = 0.0) -> Floats:
-        """The step that minimises the error with these weights of the groups, shape (d,)."""
+    def solution(self, weights: Floats, damping: float = 0.0, prior_shift: Floats | float = 0.0) -> Floats:
+        """The step that minimises the error with these weights of the groups, shape (d,).
+
+        `prior_shift`: how far the middles of the priors are moved, in their standard deviations, shape (d,).
+        """
         kept = np.flatnonzero(self.is_free)
         curvature = np.tensordot(weights, self.curvatures, 1) + np.diag(self.prior)
         curvature = curvature + damping * np.diag(np.diagonal(curvature))
-        slope = weights @ self.slopes + self.prior_slopes
+        slope = weights @ self.slopes + self.prior_slopes - np.sqrt(self.noise * self.prior) * prior_shift
         step = np.zeros(len(slope))
         step[kept] = -np.linalg.lstsq(curvature[np.ix_(kept, kept)], slope[kept], rcond=None)[0]
         return step
@@ -219,7 +224,7 @@ class Solver:
         for i, share in enumerate(shares):
             is_free[i] = not (share <= 1e-6 and total[i] > 0.0) and not (share >= 1.0 - 1e-6 and total[i] < 0.0)
             is_free[i] &= curvatures[:, i, i].sum() > 1e-12
-        return NormalEquations(curvatures, gradients, inverse, differences * inverse, is_free)
+        return NormalEquations(curvatures, gradients, inverse, differences * inverse, is_free, self._noise)
 
     def moved(self, point: Point, step: Floats) -> Point:
         """A point after a step, within the bounds."""
@@ -263,8 +268,10 @@ def groups_of(starts: Starts) -> list[Integers]:
 def resampled_steps(equations: NormalEquations, seed: int) -> Floats:
     """Steps to the least error of resampled groups (bootstrap), relative to that of all groups, shape (SAMPLES, d).
 
-    Each sample draws as many groups as there are, with repetition (Efron, Annals of Statistics 7 (1979)); its estimate
-    is a single Gauss-Newton step from that of all groups.
+    Each sample draws as many groups as there are, with repetition (Efron, Annals of Statistics 7 (1979)), and the
+    middle of each prior from the prior, so that a value that the drives do not show is as uncertain as its prior
+    (Bardsley et al., SIAM Journal on Scientific Computing 36 (2014)). Its estimate is a single Gauss-Newton step from
+    that of all groups.
     """
     rng = np.random.default_rng(seed)
     count = len(equations.slopes)
@@ -272,7 +279,8 @@ def resampled_steps(equations: NormalEquations, seed: int) -> Floats:
     samples = []
     for _ in range(SAMPLES):
         weights = np.bincount(rng.integers(count, size=count), minlength=count).astype(np.float64)
-        samples.append(equations.solution(weights) - whole)
+        prior_shift = rng.normal(size=len(whole))
+        samples.append(equations.solution(weights, prior_shift=prior_shift) - whole)
     # the mean square of resampled means is (n - 1) / n of that of the mean; and the quantile of Student's distribution
     # at 95 % is about 1 + 0.92 / (n - 1) times that of the normal one
     left = max(1, count - 1)
