@@ -384,7 +384,7 @@ WITH_ITS_PLACE = (
 @pytest.mark.parametrize("kind", SPECS)
 def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: Path) -> None:
     trees = [yaml.load(find(kind, name).read_text(), yaml.CSafeLoader) for name in names(kind)]
-    rng, wrong, refusals, count = random.Random(kind), list[str](), 0, cases(40, 2500)
+    rng, wrong, refusals, count = random.Random(f"{kind} file"), list[str](), 0, cases(40, 2500)
     for number in range(count):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
         path.write_text(mutated(rng.choice(trees), rng))

@@ -371,7 +371,7 @@ def test_the_text_of_a_scenario_is_loaded_without_edits_and_its_own_map_too(
         (sent("/etc/passwd"), "map '/etc/passwd' does not belong to the simulator"),
         (sent("../secret.yaml"), "map '../secret.yaml' does not belong to the simulator"),
         (sent("../../scenario/data/maps/oval"), "does not belong to the simulator"),
-        (sent(type_="./car.yaml"), "vehicle './car.yaml' does not belong to the simulator. Known: neoracer, nigel"),
+        (sent(type_="./car.yaml"), "vehicle './car.yaml' does not belong to the simulator. Known: dart, f1tenth_mocap"),
         (sent(more=", own_sensors: {x: 'attack.py:Attack'}"), "sensors are Python files"),
         (
             sent("{title: x, placements: [{module: ../x.yaml, x: 0, y: 0}]}"),

@@ -34,7 +34,7 @@ export function hud(store: Store, connection: Connection, vehicleEvents: Vehicle
   more.addEventListener('toggle', () => savePreference('hud.more', more.open ? 'open' : 'closed'))
   const others = [
     cameras(store, connection, images, more),
-    dashboard(rows, vehicleEvents),
+    dashboard(store, rows, vehicleEvents),
     sensors(rows),
     lidar(rows, store),
     simulation(rows),

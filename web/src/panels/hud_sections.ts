@@ -5,6 +5,7 @@ import { lapTime } from '../lap_time'
 import { touched } from '../log'
 import type { Frame } from '../messages'
 import { RaceStatus } from '../messages'
+import type { Store } from '../store'
 import { h, setText } from './element'
 import type { HudState, Row } from './hud_rows'
 import { clock, element as elementOf, fixed, NONE, reader, SENSOR_ROWS, VECTORS } from './hud_rows'
@@ -66,7 +67,7 @@ export function driving(rows: Rows): Section {
 }
 
 /** Time, actuators, lamps, road and collisions. */
-export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
+export function dashboard(store: Store, rows: Rows, vehicleEvents: VehicleEvents): Section {
   const throttleBar = bar()
   const steeringBar = bar()
   const lights = telltales()
@@ -112,7 +113,7 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       const count = vehicle?.collision_count ?? 0
       collisions.dataset.state = count > 0 ? 'some' : 'none'
       const isShown = last !== null && count > 0
-      setText(lastCollision, isShown ? `${touched(last.other, null)}, ${fixed(last.impulse)} N s` : '')
+      setText(lastCollision, isShown ? `${touched(last.other, store.scene.value)}, ${fixed(last.impulse)} N s` : '')
       lastCollision.title = isShown ? `Last collision, at ${clock(last.time)}` : ''
     },
   }

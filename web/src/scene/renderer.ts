@@ -105,8 +105,9 @@ export class Renderer {
   get isBusy(): boolean {
     if (!this.fence) return false
     const context = this.gl.getContext() as WebGL2RenderingContext
-    if (context.getSyncParameter(this.fence, context.SYNC_STATUS) === context.UNSIGNALED) return true
-    context.deleteSync(this.fence)
+    const isLost = context.isContextLost() // and the fence with it
+    if (!isLost && context.getSyncParameter(this.fence, context.SYNC_STATUS) === context.UNSIGNALED) return true
+    if (!isLost) context.deleteSync(this.fence)
     this.fence = null
     return false
   }
