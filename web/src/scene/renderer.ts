@@ -89,6 +89,7 @@ export class Renderer {
     gl.autoClear = false
     gl.info.autoReset = false
     gl.setClearColor(new Color(0, 0, 0), 1)
+    gl.domElement.addEventListener('webglcontextlost', () => (this.fence = null)) // it is lost, too
     const context = gl.getContext()
     const info = context.getExtension('WEBGL_debug_renderer_info')
     this.driver = String(context.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : context.RENDERER))
@@ -105,9 +106,8 @@ export class Renderer {
   get isBusy(): boolean {
     if (!this.fence) return false
     const context = this.gl.getContext() as WebGL2RenderingContext
-    const isLost = context.isContextLost() // and the fence with it
-    if (!isLost && context.getSyncParameter(this.fence, context.SYNC_STATUS) === context.UNSIGNALED) return true
-    if (!isLost) context.deleteSync(this.fence)
+    if (context.getSyncParameter(this.fence, context.SYNC_STATUS) === context.UNSIGNALED) return true
+    context.deleteSync(this.fence)
     this.fence = null
     return false
   }
