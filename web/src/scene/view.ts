@@ -66,6 +66,8 @@ const WAITING_PERIOD = 0.5
 const SETTLING = 0.5
 /** An image that takes longer leaves as much time to the rest of the page, before one that shows only motion [s]. */
 const SLOW_IMAGE = 0.05
+/** While the simulator starts, a slow image leaves so many times its time to the compiler, which needs all processors. */
+const STARTING_REST = 8
 /** First distance of the camera in Build mode; 1: that of Edit mode. */
 const BUILD_DISTANCE = 1.8
 /** Between a panel and the middle of the edge of an area beside it, whose near corner is nearer [CSS pixels]. */
@@ -457,11 +459,12 @@ class View implements SceneView {
     this.store.imageCount.value += 1
   }
 
-  /** Whether the next image would be another one than the latest; always true if a vehicle is followed. */
+  /** Whether the next image would be another one than the latest; true if a vehicle of a running simulator is followed. */
   private isNew(now: number): boolean {
-    const { isMapViewed, isTurning } = this.store
-    const pause = this.took > SLOW_IMAGE ? 2 * this.took : 0
-    if (!isMapViewed) return !isTurning.value || now >= this.drawnAt + pause
+    const { isMapViewed, isTurning, starting } = this.store
+    const rest = starting.value ? STARTING_REST : 2
+    const pause = this.took > SLOW_IMAGE ? rest * this.took : 0
+    if (!isMapViewed) return !(isTurning.value || starting.value) || now >= this.drawnAt + pause
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
