@@ -461,10 +461,11 @@ class View implements SceneView {
 
   /** Whether the next image would be another one than the latest; true if a vehicle of a running simulator is followed. */
   private isNew(now: number): boolean {
-    const { isMapViewed, isTurning, starting } = this.store
-    const rest = starting.value ? STARTING_REST : 2
+    const { isMapViewed, isTurning, link } = this.store
+    const isStarting = link.value === 'starting'
+    const rest = isStarting ? STARTING_REST : 2
     const pause = this.took > SLOW_IMAGE ? rest * this.took : 0
-    if (!isMapViewed) return !(isTurning.value || starting.value) || now >= this.drawnAt + pause
+    if (!isMapViewed) return !(isTurning.value || isStarting) || now >= this.drawnAt + pause
     if (this.isReplaced) return false
     if (this.changedAt >= this.drawnAt) return true
     const { matrixWorld, projectionMatrix } = this.viewpoints.camera
