@@ -195,6 +195,19 @@ class FilmedPage:
         self.click("build-button")
         self.wait(lambda: self.draw() or self.page.get_by_test_id("build-bar").is_visible())
 
+    def begin_with_a_crossing(self, seconds: float) -> None:
+        """Build on an empty lawn: set a crossing, show it for that time [s], and click its open end."""
+        page = self.page
+        self.begin_to_build()
+        self.edit(lambda: page.get_by_test_id("build-template").select_option("empty"), 0.0)
+        page.evaluate("() => autodrive.view.showArea(-0.6, 0, 4.4)")
+        self.wait_for_image()
+        page.get_by_test_id("piece-four_way_intersection").click()
+        self.edit(lambda: self.click_map(0.0, 0.0), seconds)
+        page.keyboard.press("Escape")
+        x, y = (self.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
+        self.click_map(x + 0.7, y)
+
     def edit(self, act: Callable[[], object], seconds: float = 0.8) -> None:
         """Do something that edits the map, and show the new map."""
         scene = "store.scene.value"

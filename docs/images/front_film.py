@@ -43,21 +43,12 @@ def town(film: FilmedPage) -> None:
 
 def build(film: FilmedPage) -> None:
     """Roads are set with keys, and the loop is closed."""
-    page = film.page
     film.load("plane")
-    film.begin_to_build()
-    film.edit(lambda: page.get_by_test_id("build-template").select_option("empty"), 0.0)
-    page.evaluate("() => autodrive.view.showArea(-0.6, 0, 4.4)")
-    film.wait_for_image()
-    page.get_by_test_id("piece-four_way_intersection").click()
-    film.edit(lambda: film.click_map(0.0, 0.0), 0.2)
-    page.keyboard.press("Escape")
-    x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
-    film.click_map(x + 0.7, y)
+    film.begin_with_a_crossing(0.2)
     film.take(0.3)
     for key in ("Enter", "Enter", "c"):
         film.edit(lambda key=key: film.press(key), 0.35)
-    close = page.get_by_test_id("build-close-all")
+    close = film.page.get_by_test_id("build-close-all")
     close.scroll_into_view_if_needed()
     film.edit(lambda: film.click_at(close), 0.6)
     film.click("build-done")

@@ -62,17 +62,8 @@ def overlays(film: FilmedPage) -> None:
 
 def build(film: FilmedPage) -> None:
     """Build mode: a curve is offered that closes a loop."""
-    page = film.page
     film.load("plane")
-    film.begin_to_build()
-    film.edit(lambda: page.get_by_test_id("build-template").select_option("empty"), 0.0)
-    page.evaluate("() => autodrive.view.showArea(-0.6, 0, 4.4)")
-    film.wait_for_image()
-    page.get_by_test_id("piece-four_way_intersection").click()
-    film.edit(lambda: film.click_map(0.0, 0.0), 0.0)
-    page.keyboard.press("Escape")
-    x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
-    film.click_map(x + 0.7, y)
+    film.begin_with_a_crossing(0.0)
     for _ in range(2):
         film.edit(lambda: film.press("Enter"), 0.0)
 
